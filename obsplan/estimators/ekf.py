@@ -1,0 +1,63 @@
+"""Extended Kalman filter, as CasADi expressions; Jacobians by differentiation."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import casadi as ca
+
+
+class Sensor(Protocol):
+    """What the filter needs of a sensor."""
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of the error, in the unit of the measurement."""
+        ...
+
+    @property
+    def periodic(self) -> bool:
+        """Whether the measurement is an angle [rad]."""
+        ...
+
+    def measure(self, x: ca.SX, beacon: ca.SX) -> ca.SX:
+        """Measurement of state x."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ekf:
+    r"""Extended Kalman filter for :math:`x^+ = f(x, u) + w`, :math:`z = h(x) + v` with scalar measurements, Joseph form.
+
+    ``f(x, u)`` is the discrete model over one sample and ``Q`` the covariance of w over it.
+    """
+
+    f: Callable[[ca.SX, ca.SX], ca.SX]
+    Q: ca.DM
+
+    def predict(self, x: ca.SX, P: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Mean and covariance one sample later."""
+        F = jacobian(lambda s: self.f(s, u), x)
+        return self.f(x, u), symmetric(F @ P @ F.T + self.Q)
+
+    def update(self, x: ca.SX, P: ca.SX, z: ca.SX, sensor: Sensor, beacon: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Mean and covariance after the scalar measurement z."""
+        H = jacobian(lambda s: sensor.measure(s, beacon), x)
+        innovation = z - sensor.measure(x, beacon)
+        if sensor.periodic:
+            innovation = ca.atan2(ca.sin(innovation), ca.cos(innovation))
+        R = sensor.sigma**2
+        K = P @ H.T / (H @ P @ H.T + R)
+        A = ca.SX.eye(x.numel()) - K @ H
+        return x + K * innovation, symmetric(A @ P @ A.T + R * K @ K.T)  # Joseph form: P stays positive semidefinite
+
+
+def jacobian(f: Callable[[ca.SX], ca.SX], x: ca.SX) -> ca.SX:
+    """Jacobian of f at the expression x (which need not be a bare symbol)."""
+    s = ca.SX.sym("s", x.numel())  # pyright: ignore[reportArgumentType]
+    return ca.substitute(ca.jacobian(f(s), s), s, x)
+
+
+def symmetric(P: ca.SX) -> ca.SX:
+    """P with its upper triangle copied from the lower, so that rounding cannot make it lopsided."""
+    return ca.tril2symm(ca.tril(ca.densify(P)))

@@ -1,0 +1,23 @@
+"""The survey vehicle, as it and its filter see it: dead reckoning between ranges."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeadReckoning:
+    """AUV that holds heading and speed through the water over a sample, carried by a uniform current (thesis 5.3).
+
+    State x = (east [m], north [m], heading [rad], speed through the water [m/s]); control u = (turn [rad], change of speed [m/s]), the
+    increments at the end of the sample, which the vehicle measures. Holding the heading (instead of the arc) lets a sampled vehicle follow
+    a polyline exactly.
+    """
+
+    current: tuple[float, float] = (0.0, 0.0)  # east, north [m/s]
+
+    def step(self, x: ca.SX, u: ca.SX, dt: float) -> ca.SX:
+        """State after dt seconds, as a CasADi expression."""
+        east = x[0] + (x[3] * ca.cos(x[2]) + self.current[0]) * dt
+        north = x[1] + (x[3] * ca.sin(x[2]) + self.current[1]) * dt
+        return ca.vertcat(east, north, x[2] + u[0], x[3] + u[1])
