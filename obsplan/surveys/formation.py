@@ -1,0 +1,36 @@
+"""An AUV that keeps its place beside another one."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+
+from obsplan.surveys.reference import Reference
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Formation:
+    """Track of a leader, shifted by a constant offset: same velocity at every instant.
+
+    Raises
+    ------
+    ValueError
+        No leader named, or an offset that is not finite.
+    """
+
+    leader: Annotated[str, "name of the AUV to stay beside"]
+    east: Annotated[float, "offset from the leader, east [m]"] = 0.0
+    north: Annotated[float, "offset from the leader, north [m]"] = 0.0
+
+    def __post_init__(self):
+        if not self.leader:
+            raise ValueError("leader is empty: give the name of the AUV to stay beside")
+        for name in ("east", "north"):
+            value = getattr(self, name)
+            if not math.isfinite(value):
+                raise ValueError(f"{name} must be finite [m], got {value}")
+
+    def follow(self, leader: Reference) -> Reference:
+        """Motion beside the leader's, at the leader's speed."""
+        return replace(leader, polyline=leader.polyline + np.array([self.east, self.north]))

@@ -1,0 +1,39 @@
+"""A survey given point by point."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from jaxtyping import Float
+
+from obsplan.surveys.reference import Reference, check_polyline
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Waypoints:
+    """Straight legs from point to point.
+
+    Raises
+    ------
+    ValueError
+        Fewer than two points, a number that is not finite, or two identical consecutive points.
+    """
+
+    points: Annotated[tuple[tuple[float, float], ...], "points to pass, in order, each [east, north] [m]"]
+
+    def __post_init__(self):
+        if not self.points:
+            raise ValueError('the survey is empty: give "points" at least two [east, north] pairs')
+        if len(self.points) < 2:
+            raise ValueError(
+                f'a survey of waypoints needs at least two, got 1: add another, or use kind "static" to stay at {self.points[0]}'
+            )
+        check_polyline(self.vertices())
+
+    def vertices(self) -> Float[np.ndarray, "n 2"]:
+        """The points, east and north [m]."""
+        return np.array(self.points, dtype=float)
+
+    def reference(self, *, speed: float, current: Float[np.ndarray, " 2"]) -> Reference:
+        """Motion from point to point at a speed through the water [m/s] in a current [m/s]."""
+        return Reference(polyline=self.vertices(), speed=speed, current=current)
