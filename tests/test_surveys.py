@@ -66,7 +66,6 @@ def test_lawnmower_is_as_long_as_its_legs_and_links_whatever_its_heading(legs, l
         ({"spacing": math.inf}, r"spacing must be positive and finite \[m\], got inf"),
         ({"heading": math.nan}, r"heading must be finite \[rad\], got nan"),
         ({"x": math.inf}, r"x must be finite \[m\], got inf"),
-        ({"side": "port"}, 'side must be "left" or "right", got "port"'),
     ],
 )
 def test_lawnmower_refuses_by_name_and_value(change, message):
@@ -86,8 +85,8 @@ def test_waypoints_are_passed_in_order():
 @pytest.mark.parametrize(
     ("points", "message"),
     [
-        ((), "the survey is empty"),
-        (((1.0, 2.0),), "needs at least two, got 1"),
+        ((), "needs at least two points, got none: add one"),
+        (((1.0, 2.0),), r"needs at least two points, got only \[\(1.0, 2.0\)\]: add one"),
         (((0.0, 0.0), (1.0, 1.0), (1.0, 1.0)), r"waypoints 1 and 2 are identical, at \(1.000, 1.000\) m: remove one"),
         (((0.0, 0.0), (1.0, math.nan)), r"waypoint 1 must be two finite numbers \[m\], got \(1.0, nan\)"),
     ],
@@ -213,8 +212,8 @@ def test_position_takes_times_of_any_shape():
 @pytest.mark.parametrize(
     ("speed", "current", "message"),
     [
-        (1.0, (0.0, 1.0), r"too strong for leg 0, heading 0.0 degrees .*1 m/s across the leg"),
-        (1.0, (-1.0, 0.0), r"too strong for leg 0 .*-1 m/s along it\): give a higher speed"),
+        (1.0, (0.0, 1.0), r"too strong for leg 0, heading 0.0 degrees .*1 m/s across and"),
+        (1.0, (-1.0, 0.0), r"too strong for leg 0 .*-1 m/s along\): give a higher speed"),
         (1.0, (0.9, 0.9), None),  # 0.9 m/s across and 0.9 along both legs: held
         (1.0, (0.9, -0.9), r"too strong for leg 1, heading 90.0 degrees"),  # against the second leg
         (1.0, (math.nan, 0.0), "current must be two finite numbers"),

@@ -22,11 +22,10 @@ class Waypoints:
     points: Annotated[tuple[tuple[float, float], ...], "points to pass, in order, each [east, north] [m]"]
 
     def __post_init__(self):
-        if not self.points:
-            raise ValueError('the survey is empty: give "points" at least two [east, north] pairs')
         if len(self.points) < 2:
+            got = "none" if not self.points else f"only {list(self.points)}"
             raise ValueError(
-                f'a survey of waypoints needs at least two, got 1: add another, or use kind "static" to stay at {self.points[0]}'
+                f'a survey of waypoints needs at least two points, got {got}: add one, or use kind "static" to stay at a point'
             )
         check_polyline(self.vertices())
 
