@@ -9,6 +9,14 @@ from typing import Any
 _HOME = {
     "Solution": "solution",
     "Status": "solution",
+    "circle_center": "path_inertia",
+    "curvature_condition_number": "path_inertia",
+    "inertia_condition_number": "path_inertia",
+    "lateral_offset": "path_inertia",
+    "longitudinal_offset": "path_inertia",
+    "path_inertia_curvature": "path_inertia",
+    "path_inertia_radius": "path_inertia",
+    "radius_threshold": "path_inertia",
 }
 
 __all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]

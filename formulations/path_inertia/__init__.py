@@ -1,0 +1,23 @@
+"""Path inertia: closed forms, the same as convex programs, and their solvers."""
+
+from formulations.path_inertia.closed_form import (
+    circle_center,
+    curvature_condition_number,
+    inertia_condition_number,
+    lateral_offset,
+    longitudinal_offset,
+    path_inertia_curvature,
+    path_inertia_radius,
+    radius_threshold,
+)
+
+__all__ = [
+    "circle_center",
+    "curvature_condition_number",
+    "inertia_condition_number",
+    "lateral_offset",
+    "longitudinal_offset",
+    "path_inertia_curvature",
+    "path_inertia_radius",
+    "radius_threshold",
+]

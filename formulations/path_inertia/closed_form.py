@@ -1,0 +1,88 @@
+"""Path inertia solved by hand: the turn that makes every AUV nearly as observable along the path as across it (thesis chapter 3).
+
+Everything here is written once in plain operators and accepts floats, numpy arrays (element by element) and CasADi expressions, so that a
+compiled planner, a batch study and a single decision run the same lines. Inputs are trusted: limits are checked where they are configured.
+
+Conventions: x = (x1, x2) is the aid vehicle's position minus the AUV's [m]; a positive radius r or curvature k = 1/r turns left.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+Scalar = Any
+"""A float, a numpy array or a CasADi expression."""
+
+
+def lateral_offset(x1: Scalar, x2: Scalar, heading: Scalar) -> Scalar:
+    r"""Return b = sin ψ·x1 − cos ψ·x2 [m], how far the AUV lies to the left of the heading line."""
+    cos, sin = _cos_sin(heading)
+    return sin * x1 - cos * x2
+
+
+def longitudinal_offset(x1: Scalar, x2: Scalar, heading: Scalar) -> Scalar:
+    r"""Return s = cos ψ·x1 + sin ψ·x2 [m], how far the AUV lies behind; b² + s² is the squared distance."""
+    cos, sin = _cos_sin(heading)
+    return cos * x1 + sin * x2
+
+
+def circle_center(x1: Scalar, x2: Scalar, heading: Scalar, radius: Scalar) -> tuple[Scalar, Scalar]:
+    r"""Return the centre ĉ = x + r(−sin ψ, cos ψ) of the circle ahead, relative to the AUV [m]; ‖ĉ‖² = s² + (r − b)²."""
+    cos, sin = _cos_sin(heading)
+    return x1 - radius * sin, x2 + radius * cos
+
+
+def radius_threshold(gamma: Scalar) -> Scalar:
+    r"""Return τ = γ / (2(1 + γ)) [m], what the penalty takes off the radius: below half a metre however large γ is."""
+    return gamma / (2 * (1 + gamma))
+
+
+def path_inertia_radius(mean_offset: Scalar, gamma: Scalar, min_radius: Scalar) -> tuple[Scalar, Scalar]:
+    r"""Return the radius of least inertia difference, and whether the turning limit had to be applied.
+
+    .. math:: r^* = \mathrm{sign}(\bar b)\,\max(|\bar b| - \tau,\ r_{\min}), \quad \tau = \frac{\gamma}{2(1 + \gamma)}
+
+    The exact minimiser over |r| ≥ r_min of thesis (3.26), Σ w [(1 + γ)(r² − 2rb) + γ|r|], with b̄ = Σ w b, Σ w = 1. Where (3.22)
+    rounds "to the nearest of ± minimum radius" this takes the sign of the mean offset, and left (+) where that is zero: the penalty can
+    shrink the free optimum to 0, whose sign says nothing. γ ≥ 0 weighs the squared centre distance [m²] and, per metre, |r|.
+    """
+    free = abs(mean_offset) - radius_threshold(gamma)
+    clipped = free < min_radius
+    side = (mean_offset >= 0) * 2 - 1
+    return side * (free * (1 - clipped) + min_radius * clipped), clipped
+
+
+def path_inertia_curvature(mean_offset: Scalar, mean_square_distance: Scalar, min_radius: Scalar) -> tuple[Scalar, Scalar]:
+    r"""Return the curvature of least mean condition number [1/m], and whether the turning limit had to be applied.
+
+    .. math:: k^* = \frac{\sum w b}{\sum w d^2}, \quad |k| \le 1 / r_{\min}
+
+    The exact minimiser of Σ w κ(J) = 1 + 2 Σ w (d²k² − 2bk + 1), a convex quadratic, over a convex set: straight ahead (k = 0) is
+    included and no rounding rule is needed. On top of every AUV (d = 0) each turn is as good as any other: straight on.
+    """
+    free = mean_offset / (mean_square_distance + (mean_square_distance == 0))  # 0 / 1 on top: the offset vanishes with the distance
+    clipped = abs(free) * min_radius > 1
+    side = (mean_offset >= 0) * 2 - 1
+    return free * (1 - clipped) + side * clipped / min_radius, clipped
+
+
+def inertia_condition_number(radius: Scalar, offset: Scalar, along: Scalar) -> Scalar:
+    r"""Return κ(J) = 1 + 2‖ĉ‖²/r² of the circle's inertia about the AUV at lateral offset b and longitudinal offset s [m] (thesis 3.19)."""
+    return 1 + 2 * (along**2 + (radius - offset) ** 2) / radius**2
+
+
+def curvature_condition_number(curvature: Scalar, offset: Scalar, square_distance: Scalar) -> Scalar:
+    r"""Return κ(J) = 1 + 2(d²k² − 2bk + 1), the same as a function of the curvature: 3 straight ahead, where a radius is infinite."""
+    return 1 + 2 * (square_distance * curvature**2 - 2 * offset * curvature + 1)
+
+
+def _cos_sin(angle: Scalar) -> tuple[Scalar, Scalar]:
+    """Return cosine and sine in the arithmetic the angle belongs to."""
+    if isinstance(angle, (float, int)):
+        return math.cos(angle), math.sin(angle)
+    if isinstance(angle, np.ndarray):
+        return np.cos(angle), np.sin(angle)
+    import casadi  # only an expression needs it, and only then is it loaded
+
+    return casadi.cos(angle), casadi.sin(angle)
