@@ -7,16 +7,28 @@ from importlib import import_module
 from typing import Any
 
 _HOME = {
+    "METRICS": "metrics",
     "Solution": "solution",
     "Status": "solution",
+    "blend": "metrics",
     "circle_center": "path_inertia",
+    "condition_number": "metrics",
     "curvature_condition_number": "path_inertia",
     "inertia_condition_number": "path_inertia",
     "lateral_offset": "path_inertia",
+    "log_det": "metrics",
     "longitudinal_offset": "path_inertia",
     "path_inertia_curvature": "path_inertia",
     "path_inertia_radius": "path_inertia",
+    "position_schur_complement": "metrics",
+    "position_schur_expression": "metric_expressions",
     "radius_threshold": "path_inertia",
+    "score": "metrics",
+    "score_expression": "metric_expressions",
+    "smallest_eigenvalue": "metrics",
+    "trace_inverse": "metrics",
+    "unobservability_index": "metrics",
+    "unobservable_direction": "metrics",
 }
 
 __all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]

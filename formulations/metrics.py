@@ -1,0 +1,160 @@
+"""How observable a Gramian is, in one number: metrics of symmetric positive semidefinite W, batched over leading axes.
+
+All are of W itself, not of its square root (thesis 2.1.3; Krener & Ide 2009). One rule decides what is singular, for every metric:
+the smallest eigenvalue is at most n·eps times the largest, eps = 2.2e-16, below which it is rounding. No eigenvalue is ever dropped
+from a ratio, so an unobservable system cannot score well. A matrix holding a nan or an infinity counts as singular: the worst value.
+Only the lower triangle of W is read.
+"""
+
+from collections.abc import Callable, Sequence
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+EPS = float(np.finfo(float).eps)  # spacing of doubles at 1
+BLEND_WEIGHT = 1.0  # of log(unobservability index) beside log(condition number)
+
+
+def condition_number(W: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*batch"]:
+    """Return the estimation condition number λmax/λmin, at least 1; inf where singular.
+
+    It depends on the units of the states. Relative error about eps·κ: take singular values of a square-root factor of W beyond 1e8.
+    """
+    eigenvalues, singular = _spectrum(W)
+    return np.where(singular, np.inf, eigenvalues[..., -1] / eigenvalues[..., 0])
+
+
+def unobservability_index(W: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*batch"]:
+    """Return 1/λmin, the worst amplification of measurement energy into state error; inf where singular."""
+    eigenvalues, singular = _spectrum(W)
+    with np.errstate(over="ignore"):
+        return np.where(singular, np.inf, 1.0 / eigenvalues[..., 0])
+
+
+def smallest_eigenvalue(W: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*batch"]:
+    """Return λmin; 0 where singular."""
+    eigenvalues, singular = _spectrum(W)
+    return np.where(singular, 0.0, eigenvalues[..., 0])
+
+
+def log_det(W: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*batch"]:
+    """Return log det W; -inf where singular."""
+    eigenvalues, singular = _spectrum(W)
+    return np.where(singular, -np.inf, np.log(eigenvalues).sum(axis=-1))
+
+
+def trace_inverse(W: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*batch"]:
+    """Return tr W⁻¹, the sum of error variances when W is an information matrix; inf where singular."""
+    eigenvalues, singular = _spectrum(W)
+    with np.errstate(over="ignore"):
+        return np.where(singular, np.inf, (1.0 / eigenvalues).sum(axis=-1))
+
+
+def blend(W: Float[np.ndarray, "*batch n n"], weight: float = BLEND_WEIGHT) -> Float[np.ndarray, "*batch"]:
+    """Return log(condition number) + weight · log(unobservability index); inf where singular.
+
+    Raises ValueError if the weight is negative.
+    """
+    check_blend_weight(weight)
+    eigenvalues, singular = _spectrum(W)
+    return np.where(singular, np.inf, np.log(eigenvalues[..., -1]) - (1.0 + weight) * np.log(eigenvalues[..., 0]))
+
+
+class Metric(NamedTuple):
+    """A metric and its sense."""
+
+    function: Callable[..., np.ndarray]
+    larger_is_worse: bool
+
+
+METRICS = MappingProxyType(
+    {
+        "condition-number": Metric(condition_number, larger_is_worse=True),
+        "unobservability-index": Metric(unobservability_index, larger_is_worse=True),
+        "smallest-eigenvalue": Metric(smallest_eigenvalue, larger_is_worse=False),
+        "log-det": Metric(log_det, larger_is_worse=False),
+        "trace-inverse": Metric(trace_inverse, larger_is_worse=True),
+        "blend": Metric(blend, larger_is_worse=True),
+    }
+)
+
+
+def score(name: str, W: Float[np.ndarray, "*batch n n"], *, blend_weight: float = BLEND_WEIGHT) -> Float[np.ndarray, "*batch"]:
+    """Return the metric called ``name`` for a minimiser: lower is better, and inf where W is singular, whatever the metric.
+
+    Metrics of which more is better (smallest eigenvalue, log det) change sign. Raises ValueError for an unknown name.
+    """
+    check_metric(name)
+    if name == "blend":
+        return blend(W, blend_weight)
+    values = METRICS[name].function(W)
+    if METRICS[name].larger_is_worse:
+        return values
+    return np.where(_spectrum(W)[1], np.inf, -values)
+
+
+def check_metric(name: str) -> None:
+    """Raise ValueError unless ``name`` is a key of METRICS."""
+    if name not in METRICS:
+        raise ValueError(f"metric {name!r} is not known; choose one of {', '.join(METRICS)}")
+
+
+def check_blend_weight(weight: float) -> None:
+    """Raise ValueError unless the weight is finite and not negative."""
+    if not 0.0 <= weight < np.inf:
+        raise ValueError(f"blend weight must be finite and at least 0, got {weight}")
+
+
+def unobservable_direction(W: Float[np.ndarray, "n n"], names: Sequence[str]) -> dict[str, float]:
+    """Name the direction that the outputs see least: the unit eigenvector of λmin as {state name: component}.
+
+    Its largest component is positive. Where λmin is repeated, it is one direction of that eigenspace.
+    Raises ValueError if W is not finite, or if there is not exactly one name per state.
+    """
+    if len(names) != len(W):
+        raise ValueError(f"give one name per state: W has {len(W)} states, got {len(names)} names {list(names)}")
+    if not np.isfinite(W).all():
+        raise ValueError(f"W must be finite to name a direction, got {W.tolist()}")
+    weakest = np.linalg.eigh(W)[1][:, 0]
+    weakest = weakest * np.sign(weakest[np.argmax(np.abs(weakest))])
+    return dict(zip(names, weakest.tolist(), strict=True))
+
+
+def position_schur_complement(W: Float[np.ndarray, "*batch n n"], keep: int = 2) -> Float[np.ndarray, "*batch keep keep"]:
+    r"""Return the Gramian of the first ``keep`` states with the others as unknown nuisance.
+
+    .. math:: W = \begin{bmatrix} A & B \\ B^\top & D \end{bmatrix}, \quad S = A - B D^{+} B^\top
+
+    For an information matrix, S⁻¹ is the position block of W⁻¹. D may be singular: B has no part in its null space when W is positive
+    semidefinite. D is scaled to unit diagonal first, so that units cannot make a weak state look like rounding, and its eigenvalues are
+    raised to n·eps rather than dropped. Eigenvalues of S below n·eps·λmax(A) are what cancellation leaves of zero, and are set to zero.
+    A matrix that is not finite gives zero: no information. Raises ValueError unless 1 ≤ keep ≤ n.
+    """
+    n = W.shape[-1]
+    if not 1 <= keep <= n:
+        raise ValueError(f"keep must be between 1 and the {n} states of W, got {keep}")
+    W, _ = _finite_or_zero(W)
+    A, B, D = W[..., :keep, :keep], W[..., :keep, keep:], W[..., keep:, keep:]
+    scale = np.sqrt(np.maximum(np.diagonal(D, axis1=-2, axis2=-1), 0.0))
+    inverse_scale = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
+    eigenvalues, vectors = np.linalg.eigh(D * inverse_scale[..., :, None] * inverse_scale[..., None, :])
+    coupling = (B * inverse_scale[..., None, :]) @ vectors / np.sqrt(np.maximum(eigenvalues, n * EPS))[..., None, :]
+    kept, axes = np.linalg.eigh(A - coupling @ np.swapaxes(coupling, -1, -2))
+    kept = np.where(kept > n * EPS * np.linalg.eigvalsh(A)[..., -1:], kept, 0.0)
+    return (axes * kept[..., None, :]) @ np.swapaxes(axes, -1, -2)
+
+
+def _spectrum(W: Float[np.ndarray, "*batch n n"]) -> tuple[Float[np.ndarray, "*batch n"], Bool[np.ndarray, "*batch"]]:
+    """Return the ascending eigenvalues (ones where singular) and where W is singular."""
+    W, finite = _finite_or_zero(W)
+    eigenvalues = np.linalg.eigvalsh(W)
+    regular = finite & (eigenvalues[..., 0] > W.shape[-1] * EPS * eigenvalues[..., -1])
+    return np.where(regular[..., None], eigenvalues, 1.0), np.asarray(~regular)
+
+
+def _finite_or_zero(W: Float[np.ndarray, "*batch n n"]) -> tuple[Float[np.ndarray, "*batch n n"], Bool[np.ndarray, "*batch"]]:
+    """Replace every matrix that holds a nan or an infinity by zero, and say which were finite."""
+    finite = np.asarray(np.isfinite(W).all(axis=(-2, -1)))
+    return np.where(finite[..., None, None], W, 0.0), finite
