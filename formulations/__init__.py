@@ -29,6 +29,11 @@ _HOME = {
     "trace_inverse": "metrics",
     "unobservability_index": "metrics",
     "unobservable_direction": "metrics",
+    "path_information": "information",
+    "position_rms": "information",
+    "posterior_cramer_rao": "information",
+    "range_information": "information",
+    "squared_range_information": "information",
 }
 
 __all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -1,0 +1,139 @@
+"""Information from ranges: Fisher information, predicted covariance, the posterior Cramér-Rao bound and the certified information bound.
+
+Time runs over samples k = 0 … steps. ``F[k]`` and ``Q[k]`` carry the state from sample k to k+1; ``J[k]`` is the information, in inverse
+units of the state squared, of what is measured on arriving there (zero matrices where nothing is). Covariances have steps + 1 samples.
+"""
+
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from jaxtyping import Float
+
+EPS = float(np.finfo(float).eps)  # spacing of doubles at 1
+
+
+def range_information(
+    beacon: Float[np.ndarray, "*#batch d"], target: Float[np.ndarray, "*#batch d"], sigma: float | Float[np.ndarray, "..."]
+) -> Float[np.ndarray, "... d d"]:
+    r"""Return the Fisher information of each range about the target's position, rank one along the line of sight.
+
+    .. math:: J = u u^\top / \sigma^2, \quad u = (p_\mathrm{beacon} - p_\mathrm{target}) / \lVert \cdot \rVert
+
+    Positions [m] of d = 2 coordinates for horizontal ranges, 3 for slant ranges (the leading 2 x 2 block is then what a target of known
+    depth learns). ``sigma`` [m] is one number or one per range. A range between coincident points has no direction: zero information.
+    Raises ValueError unless sigma is positive.
+    """
+    separation, squared = _separation(beacon, target)
+    return _outer(separation) / (np.where(squared > 0, squared, 1.0) * _variance(sigma))[..., None, None]
+
+
+def squared_range_information(
+    beacon: Float[np.ndarray, "*#batch d"], target: Float[np.ndarray, "*#batch d"], sigma: float | Float[np.ndarray, "..."]
+) -> Float[np.ndarray, "... d d"]:
+    r"""Return the Fisher information of each squared range (thesis 4.1), :math:`J = 4 x x^\top / \sigma^2` with x = beacon less target.
+
+    ``sigma`` [m²] is of the squared range. It is worth a range of standard deviation σ / (2 d): the more the farther, nothing at d = 0.
+    Raises ValueError unless sigma is positive.
+    """
+    separation, _ = _separation(beacon, target)
+    return 4.0 * _outer(separation) / np.broadcast_to(_variance(sigma), separation.shape[:-1])[..., None, None]
+
+
+def posterior_cramer_rao(
+    P0: Float[np.ndarray, "*#batch n n"],
+    F: Float[np.ndarray, "*#batch steps n n"],
+    Q: Float[np.ndarray, "*#any n n"],
+    J: Float[np.ndarray, "*#batch _steps n n"],
+) -> Float[np.ndarray, "... samples n n"]:
+    r"""Return the posterior Cramér-Rao bound on the covariance at every sample, P0 first.
+
+    .. math:: P_{k+1} = (M^{-1} + J_k)^{-1}, \quad M = F_k P_k F_k^\top + Q_k
+
+    Tichavský, Muravchik & Nehorai (1998) with Jacobians along one trajectory: along the true one it bounds every unbiased estimator;
+    along a predicted one it is the extended Kalman filter's own covariance prediction.
+
+    No inverse of P is taken: J is factored and its factors enter one at a time, so P0 and Q may be singular, or zero. Leading axes (AUVs,
+    candidate paths) are broadcast; Q is one matrix or one per step. P0, Q and J must be symmetric positive semidefinite.
+    Raises ValueError unless F and J have as many steps.
+    """
+    n, steps = F.shape[-1], F.shape[-3]
+    if J.shape[-3] != steps:
+        raise ValueError(f"F and J must have as many steps, got {steps} and {J.shape[-3]}; give J zero matrices where nothing is measured")
+    Q = Q[..., None, :, :] if Q.ndim == 2 else Q
+    batch = np.broadcast_shapes(P0.shape[:-2], F.shape[:-3], Q.shape[:-3], J.shape[:-3])
+    P = np.empty((*batch, steps + 1, n, n))
+    P[..., 0, :, :] = P0
+    if steps == 0:
+        return P
+    F, Q, J = (np.broadcast_to(a, (*batch, steps, n, n)) for a in (F, Q, J))
+    sweep = _riccati_sweep(n, steps)
+    for i in np.ndindex(*batch):
+        buffer, evaluate = sweep.buffer()
+        memory = [np.ascontiguousarray(a[i], dtype=float) for a in (P[..., 0, :, :], F, Q, J)]
+        for k, array in enumerate(memory):
+            buffer.set_arg(k, array.data)  # pyright: ignore[reportCallIssue]
+        buffer.set_res(0, P[i][1:].data)  # pyright: ignore[reportCallIssue]
+        evaluate()
+    return P
+
+
+def path_information(F: Float[np.ndarray, "*#batch steps n n"], J: Float[np.ndarray, "*#batch steps n n"]) -> Float[np.ndarray, "... n n"]:
+    r"""Return the Fisher information of a whole path about the initial state, there being no process noise.
+
+    .. math:: \sum_k \Phi_{k+1}^\top J_k \Phi_{k+1}, \quad \Phi_{k+1} = F_k \cdots F_0
+
+    It is the discrete observability Gramian weighted by the noise (thesis 2.4). Summed backwards, by the same sweep as the covariances.
+    """
+    backwards = np.swapaxes(F, -1, -2)[..., ::-1, :, :]
+    gained = backwards @ J[..., ::-1, :, :] @ np.swapaxes(backwards, -1, -2)
+    nothing = np.zeros_like(gained)
+    return posterior_cramer_rao(nothing[..., 0, :, :], backwards, gained, nothing)[..., -1, :, :]
+
+
+def position_rms(P: Float[np.ndarray, "*batch samples n n"]) -> Float[np.ndarray, "*batch"]:
+    """Return the root over time of the mean trace of the position block, the first two states [m]."""
+    return np.sqrt(np.mean(P[..., 0, 0] + P[..., 1, 1], axis=-1))
+
+
+@lru_cache(maxsize=64)
+def _riccati_sweep(n: int, steps: int) -> ca.Function:
+    """Compile (P0, F, Q, J) -> P over all steps; matrices side by side, F transposed: the memory of row-major arrays."""
+    P, Ft, Q, J = (ca.SX.sym(name, n, n) for name in ("P", "Ft", "Q", "J"))  # pyright: ignore[reportArgumentType, reportCallIssue]
+    return ca.Function("step", [P, Ft, Q, J], [_update(_symmetric(Ft.T @ P @ Ft + Q), J)]).mapaccum(steps)
+
+
+def _update(P: ca.SX, J: ca.SX) -> ca.SX:
+    """Add the information J to the covariance P, one factor of J = Σ c cᵀ / d (Cholesky, null pivots skipped) after the other."""
+    n, rest = P.shape[0], J
+    for i in range(n):
+        positive = rest[i, i] > n * EPS * J[i, i]  # below, the pivot is rounding and so is its column
+        d = ca.if_else(positive, rest[i, i], 1.0)
+        c = ca.if_else(positive, 1.0, 0.0) * ca.vertcat(ca.SX(i, 1), rest[i:, i])
+        rest = rest - c @ c.T / d
+        Pc = P @ c
+        P = _symmetric(P - Pc @ Pc.T / (d + c.T @ Pc))
+    return P
+
+
+def _symmetric(P: ca.SX) -> ca.SX:
+    """P with its upper triangle copied from the lower: rounding cannot make it lopsided, and half the work is saved."""
+    return ca.tril2symm(ca.tril(ca.densify(P)))
+
+
+def _separation(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a − b and its squared length."""
+    separation = np.asarray(a, dtype=float) - b
+    return separation, np.sum(separation**2, axis=-1)
+
+
+def _outer(x: np.ndarray) -> np.ndarray:
+    return x[..., :, None] * x[..., None, :]
+
+
+def _variance(sigma: float | np.ndarray) -> np.ndarray:
+    """Return sigma², once sigma is known to be positive."""
+    sigma = np.asarray(sigma, dtype=float)
+    if not np.all(sigma > 0):
+        raise ValueError(f"sigma must be positive, got {sigma[~(sigma > 0)].flat[0]}; for no measurement give zero information instead")
+    return np.asarray(sigma**2)
