@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import Any
 
 _HOME = {
+    "ExactGramian": "gramian",
     "METRICS": "metrics",
     "Solution": "solution",
     "Status": "solution",
@@ -14,6 +15,8 @@ _HOME = {
     "circle_center": "path_inertia",
     "condition_number": "metrics",
     "curvature_condition_number": "path_inertia",
+    "empirical_gramian": "gramian",
+    "exact_gramian": "gramian",
     "inertia_condition_number": "path_inertia",
     "lateral_offset": "path_inertia",
     "log_det": "metrics",
@@ -22,6 +25,7 @@ _HOME = {
     "path_inertia_radius": "path_inertia",
     "position_schur_complement": "metrics",
     "position_schur_expression": "metric_expressions",
+    "quadrature_weights": "gramian",
     "radius_threshold": "path_inertia",
     "score": "metrics",
     "score_expression": "metric_expressions",

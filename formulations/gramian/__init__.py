@@ -1,0 +1,7 @@
+"""Observability Gramians of any dynamics and measurement: exact by forward sensitivities, empirical by central differences."""
+
+from .empirical import empirical_gramian
+from .exact import ExactGramian, exact_gramian
+from .samples import quadrature_weights
+
+__all__ = ["ExactGramian", "empirical_gramian", "exact_gramian", "quadrature_weights"]
