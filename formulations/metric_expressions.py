@@ -15,7 +15,7 @@ import casadi as ca
 from .metrics import BLEND_WEIGHT, EPS, check_blend_weight, check_metric
 
 Expression = Any  # SX, MX or DM
-Entries = tuple[Expression, ...]
+Entries = tuple[Any, ...]
 
 
 def score_expression(name: str, entries: Entries, *, blend_weight: float = BLEND_WEIGHT) -> Expression:
@@ -59,7 +59,7 @@ def position_schur_expression(entries: Entries) -> Entries:
     return s11, s12, ca.if_else(s22 - shadow > 3 * EPS * w22, s22, shadow)
 
 
-def _invert2(w11, w12, w22):
+def _invert2(w11, w12, w22) -> tuple[Any, Entries, Entries]:
     """Return where every pivot is regular, the pivots, and the entries of W⁻¹; a pivot that is not regular counts as 1."""
     regular, d1 = _pivot(w11, w11, 2)
     l21 = w12 / d1
@@ -67,7 +67,7 @@ def _invert2(w11, w12, w22):
     return ca.logic_and(regular, regular2), (d1, d2), (1.0 / d1 + l21 * l21 / d2, -l21 / d2, 1.0 / d2)
 
 
-def _invert3(w11, w12, w13, w22, w23, w33):
+def _invert3(w11, w12, w13, w22, w23, w33) -> tuple[Any, Entries, Entries]:
     """Return what ``_invert2`` does, for three states; (a, -l32, 1) is the last row of L⁻¹."""
     regular1, d1 = _pivot(w11, w11, 3)
     l21, l31 = w12 / d1, w13 / d1
