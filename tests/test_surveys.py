@@ -214,6 +214,7 @@ def test_position_takes_times_of_any_shape():
     [
         (1.0, (0.0, 1.0), r"too strong for leg 0, heading 0.0 degrees .*1 m/s across and"),
         (1.0, (-1.0, 0.0), r"too strong for leg 0, .*-1 m/s along\): give a higher speed"),
+        (1.0, (0.5, 1.2), r"too strong for leg 0, .*1.2 m/s across"),  # though it carries the vehicle forward
         (1.0, (0.9, 0.9), None),  # 0.9 m/s across and 0.9 along both legs: held
         (1.0, (0.9, -0.9), r"too strong for leg 1, heading 90.0 degrees"),  # against the second leg
         (1.0, (math.nan, 0.0), "current must be two finite numbers"),

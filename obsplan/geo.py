@@ -1,0 +1,39 @@
+"""Latitude and longitude [degrees, WGS 84] to and from local east and north [m] about an origin."""
+
+import numpy as np
+from jaxtyping import Float
+
+_PASSES = 3  # each removes all but 5e-6 of the height error at 20 km; the third leaves less than a micrometre
+
+
+def to_local(latlon: Float[np.ndarray, "*n 2"], origin: tuple[float, float]) -> Float[np.ndarray, "*n 2"]:
+    """Give east and north [m] of points on the ellipsoid in the plane tangent to it at the origin.
+
+    The curvature is not unrolled: at d metres from the origin distances are short by about d³/(6R²), 0.03 m at 20 km.
+
+    Parameters
+    ----------
+    latlon
+        Latitude and longitude [degrees], altitude 0.
+    origin
+        Latitude and longitude of the origin [degrees].
+    """
+    import pymap3d
+
+    east, north, _ = pymap3d.geodetic2enu(latlon[..., 0], latlon[..., 1], 0.0, origin[0], origin[1], 0.0)
+    return np.stack([east, north], axis=-1)
+
+
+def to_geographic(xy: Float[np.ndarray, "*n 2"], origin: tuple[float, float]) -> Float[np.ndarray, "*n 2"]:
+    """Give latitude and longitude [degrees] of the points at altitude 0 whose east and north [m] these are.
+
+    The inverse of `to_local`, to better than 1e-6 m within 20 km. The tangent plane lies above the ellipsoid, by 31 m at 20 km: a point is
+    lowered from it until its altitude vanishes.
+    """
+    import pymap3d
+
+    lat, lon, up = 0.0, 0.0, np.zeros(xy.shape[:-1])
+    for _ in range(_PASSES):
+        lat, lon, altitude = pymap3d.enu2geodetic(xy[..., 0], xy[..., 1], up, origin[0], origin[1], 0.0)
+        up = up - altitude
+    return np.stack([lat, lon], axis=-1)

@@ -1,0 +1,340 @@
+"""Claims about mission files that are read."""
+
+import json
+from importlib.resources import files
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from pymap3d.vincenty import vdist
+
+from obsplan import geo
+from obsplan.missions import READERS, Mission, read_mission, to_local
+from obsplan.types import ObsplanError
+
+ORIGIN = (47.629, -122.337)
+TRACK = [(47.629, -122.337), (47.631, -122.337), (47.631, -122.336)]
+LONLAT = [[lon, lat] for lat, lon in TRACK]
+HARBOR = files("obsplan") / "scenarios" / "harbor.plan"
+
+
+def line(coordinates=LONLAT, **properties):
+    """A GeoJSON feature."""
+    return {"type": "Feature", "properties": properties, "geometry": {"type": "LineString", "coordinates": coordinates}}
+
+
+def collection(*features):
+    """A GeoJSON feature collection."""
+    return {"type": "FeatureCollection", "features": list(features)}
+
+
+def simple(lat, lon, command=16, frame=3):
+    """A simple item of a plan, as QGroundControl writes it."""
+    return {"type": "SimpleItem", "command": command, "frame": frame, "params": [0, 0, 0, None, lat, lon, 0], "autoContinue": True}
+
+
+def plan(*items, **mission):
+    """A QGroundControl plan."""
+    return {"fileType": "Plan", "groundStation": "QGroundControl", "version": 1, "mission": {"items": list(items), "version": 2, **mission}}
+
+
+@pytest.fixture
+def save(tmp_path):
+    """Write text, bytes or JSON under a name; give the path."""
+
+    def write(name, content):
+        path = tmp_path / name
+        if isinstance(content, bytes):
+            path.write_bytes(content)
+        else:
+            path.write_text(content if isinstance(content, str) else json.dumps(content), encoding="utf-8", newline="")
+        return path
+
+    return write
+
+
+def check_one_sentence(message):
+    """A message is one line, without a full stop inside."""
+    assert "\n" not in message
+    assert ". " not in message
+
+
+# --- what is read ---------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.geojson", line()["geometry"]),
+        ("a.json", line()),
+        ("a.GEOJSON", collection(line())),
+        ("a.geojson", {"type": "GeometryCollection", "geometries": [line()["geometry"]]}),
+        ("a.geojson", collection(line([[*p, -5.0] for p in LONLAT]))),
+        ("a.plan", plan(*(simple(*p) for p in TRACK))),
+        ("a.csv", "lat,lon\n" + "".join(f"{lat},{lon}\n" for lat, lon in TRACK)),
+        ("a.csv", "\ufeffLatitude_deg, Longitude (deg)\r\n\r\n" + "".join(f"{lat}, {lon}\r\n" for lat, lon in TRACK)),
+        ("a.csv", "depth;LON;LAT\n" + "".join(f"5;{lon};{lat}\n" for lat, lon in TRACK)),
+        ("a.csv", "x\tlat\tlng\n" + "".join(f"5\t{lat}\t{lon}\n" for lat, lon in TRACK)),
+    ],
+)
+def test_every_format_gives_the_same_track_named_after_its_file(save, name, content):
+    mission = read_mission(save(name, content))
+    assert mission.geographic
+    assert list(mission.tracks) == ["a"]
+    np.testing.assert_array_equal(mission.tracks["a"], TRACK)
+    assert mission.origin == ORIGIN
+
+
+@pytest.mark.parametrize("heading", ["x,y", "East,North", "x_m,y_m", "east [m],north [m]"])
+def test_a_table_in_metres_is_local_and_stays_as_it_is(save, heading):
+    mission = read_mission(save("a.csv", f"{heading}\n0,0\n10.5,-20\n"))
+    assert not mission.geographic
+    assert mission.origin is None
+    np.testing.assert_array_equal(to_local(mission, ORIGIN).tracks["a"], [[0, 0], [10.5, -20]])
+
+
+def test_a_table_tells_tracks_apart_by_name_though_their_rows_mingle(save):
+    mission = read_mission(save("a.csv", 'name,x,y\nalpha,0,0\n"beta, second",5,5\nalpha,1,0\n"beta, second",6,5\n'))
+    assert list(mission.tracks) == ["alpha", "beta, second"]
+    np.testing.assert_array_equal(mission.tracks["alpha"], [[0, 0], [1, 0]])
+    np.testing.assert_array_equal(mission.tracks["beta, second"], [[5, 5], [6, 5]])
+
+
+def test_geojson_lines_keep_their_names_and_other_geometries_are_passed_over(save):
+    multi = {"type": "Feature", "properties": {"name": "m"}, "geometry": {"type": "MultiLineString", "coordinates": [LONLAT, LONLAT[1:]]}}
+    area = {"type": "Feature", "properties": None, "geometry": {"type": "Polygon", "coordinates": [[*LONLAT, LONLAT[0]]]}}
+    empty = {"type": "Feature", "properties": {}, "geometry": None}
+    tracks = read_mission(save("a.geojson", collection(area, line(name="alpha"), empty, line(name="alpha"), multi, line()))).tracks
+    assert list(tracks) == ["alpha", "alpha-2", "m", "m-2", "a"]
+    np.testing.assert_array_equal(tracks["m-2"], TRACK[1:])
+
+
+def test_geojson_that_says_it_is_wgs84_is_read(save):
+    crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}
+    assert read_mission(save("a.geojson", {**collection(line()), "crs": crs})).geographic
+
+
+def test_plan_passes_over_actions_and_here_and_reads_every_navigation_command(save):
+    items = [
+        {"type": "SimpleItem", "command": 206, "frame": 2, "params": [0, 0, 0, 0, 0, 0, 0]},  # camera trigger distance
+        simple(0, 0, command=22),  # take off here
+        simple(None, None, command=19),  # loiter here
+        *(
+            simple(47.63 + i / 1000, -122.337, command=c, frame=f)
+            for i, (c, f) in enumerate([(16, 0), (17, 6), (18, 3), (19, 10), (22, 5), (82, 11)])
+        ),
+        {"type": "SimpleItem", "command": 16, "frame": 3, "coordinate": [47.64, -122.337, 5], "params": [0, 0, 0, 0]},  # early version
+        simple(47.641, -122.337, command=21),
+    ]
+    track = read_mission(save("a.plan", plan(*items))).tracks["a"]
+    np.testing.assert_allclose(track[:, 0], [47.63, 47.631, 47.632, 47.633, 47.634, 47.635, 47.64, 47.641])
+
+
+@pytest.mark.parametrize("kind", ["survey", "CorridorScan"])
+def test_plan_reads_a_pattern_by_its_items_and_else_by_its_drawn_points(save, kind):
+    def pattern(**stored):
+        return {"type": "ComplexItem", "complexItemType": kind, "TransectStyleComplexItem": stored}
+
+    camera = {"type": "SimpleItem", "command": 206, "frame": 2, "params": [0, 0, 0, 0, 0, 0, 0]}
+    flown = pattern(Items=[camera, *(simple(*p) for p in TRACK[1:])], VisualTransectPoints=[[1.0, 2.0]])
+    drawn = pattern(Items=[], VisualTransectPoints=[list(p) for p in TRACK[1:]])
+    for item in (flown, drawn):
+        np.testing.assert_array_equal(read_mission(save("a.plan", plan(simple(*TRACK[0]), item))).tracks["a"], TRACK)
+
+
+def test_home_of_a_plan_is_the_origin_unless_another_is_given(save):
+    mission = read_mission(save("a.plan", plan(*(simple(*p) for p in TRACK), plannedHomePosition=[47.62, -122.33, 10])))
+    assert mission.home == mission.origin == (47.62, -122.33)
+    np.testing.assert_array_equal(to_local(mission).tracks["a"], geo.to_local(np.array(TRACK), (47.62, -122.33)))
+    np.testing.assert_array_equal(to_local(mission, ORIGIN).tracks["a"], geo.to_local(np.array(TRACK), ORIGIN))
+
+
+def test_an_origin_in_another_country_is_refused(save):
+    with pytest.raises(
+        ObsplanError, match=r'track "a" lies \d+ km from the origin at latitude 60.0, longitude 5.0 degrees: move the origin'
+    ):
+        to_local(read_mission(save("a.geojson", line())), (60.0, 5.0))
+
+
+def test_shipped_harbor_plan_is_a_lawnmower_of_six_legs_of_300_m_40_m_apart():
+    content = json.loads(HARBOR.read_text())
+    assert {"fileType", "geoFence", "groundStation", "mission", "rallyPoints", "version"} == set(content)
+    assert [item["doJumpId"] for item in content["mission"]["items"]] == list(range(1, 13))
+    mission = read_mission(str(HARBOR))
+    assert mission.home == ORIGIN
+    track = mission.tracks["harbor"]
+    sides = [vdist(*a, *b)[0] for a, b in pairwise(track)]  # geodesics on the ellipsoid [m]
+    np.testing.assert_allclose(sides, [300, 40] * 5 + [300], atol=0.01)
+    np.testing.assert_allclose(vdist(*track[0], *track[-1])[0], 200.0, atol=0.01)
+    assert (track[:, 0] < 47.632).all()  # between the lake's shores
+    assert (track[:, 1] < -122.334).all()
+
+
+# --- what is refused --------------------------------------------------------------------------------------------------------------
+
+NAN_LINE = '{"type": "LineString", "coordinates": [[-122.3, 47.6], [NaN, 47.7]]}'
+BAD = {
+    "unknown suffix": ("a.kml", "x", r'unknown suffix ".kml": mission files end in .csv, .geojson, .json, .plan'),
+    "misspelt suffix": ("a.geojsn", "x", r'did you mean ".geojson"\?'),
+    "no suffix": ("a", "x", 'unknown suffix ""'),
+    "empty file": ("a.plan", "", "is empty"),
+    "blank file": ("a.csv", " \r\n\n", "is empty"),
+    "binary rubbish": (
+        "a.plan",
+        b"\x89PNG\r\n\x1a\n\x00\x01",
+        r"not UTF-8 text \(byte 0x89 at position 0\): it is not what its extension says",
+    ),
+    "truncated plan": ("a.plan", json.dumps(plan(simple(1, 2)))[:-9], r"not valid JSON \(line 1, column \d+: .*may be cut short"),
+    "text as geojson": ("a.geojson", "lat,lon\n1,2\n", r"not valid JSON \(line 1, column 1"),
+    "huge number": ("a.geojson", "1" * 5000, "is not JSON that can be read"),
+    "deep nesting": ("a.json", "[" * 100_000, "nested too deeply"),
+    "array": ("a.plan", "[]", "holds a JSON list where an object is expected"),
+    # GeoJSON
+    "plan as geojson": ("a.json", plan(simple(1, 2)), r'is not GeoJSON \("type" is None\): rename it to .plan'),
+    "other json": ("a.json", {"type": "Topology"}, "is not GeoJSON .*Topology"),
+    "no features": ("a.geojson", {"type": "FeatureCollection"}, 'needs a list "features", got NoneType'),
+    "feature not an object": ("a.geojson", collection(3), r"features\[0\] must be a GeoJSON object, got int"),
+    "no line": ("a.geojson", {"type": "Point", "coordinates": [1, 2]}, 'holds no LineString .*"Point"'),
+    "no features inside": ("a.geojson", collection(), "holds no LineString"),
+    "projected": ("a.geojson", {**line(), "crs": {"properties": {"name": "urn:ogc:def:crs:EPSG::32610"}}}, r"crs .*32610.* is not WGS 84"),
+    "swapped": ("a.geojson", line([list(p) for p in TRACK]), r"coordinates\[0\] has latitude -122.337 .*look swapped: GeoJSON has \[long"),
+    "metres": ("a.geojson", line([[550000, 5275000], [0, 0]]), "latitude 5275000.0, beyond 90 degrees: give WGS 84"),
+    "longitude from 0 to 360": ("a.geojson", line([[237.7, 47.6], [0, 0]]), "longitude 237.7, beyond 180 degrees"),
+    "nan": ("a.geojson", NAN_LINE, r"coordinates\[1\]\[0\] must be a finite number, got nan"),
+    "infinite": ("a.geojson", line([[10**400, 1], [1, 2]]), r"coordinates\[0\]\[0\] must be a finite number, got inf"),
+    "text number": (
+        "a.geojson",
+        collection(line([["1", 2], [3, 4]])),
+        r"features\[0\].geometry.coordinates\[0\]\[0\] must be a number, got '1'",
+    ),
+    "flag number": ("a.geojson", line([[True, 2], [3, 4]]), "must be a number, got True"),
+    "flat coordinates": ("a.geojson", line([1, 2]), r"coordinates\[0\] must be \[longitude, latitude\], got 1"),
+    "one point": ("a.geojson", line(LONLAT[:1], name="q"), 'track "q" needs at least two points, got 1'),
+    "identical": ("a.geojson", line([*LONLAT, LONLAT[-1]]), 'points 3 and 4 of track "a" are identical, at .*: remove one'),
+    "unprintable name": ("a.geojson", line(name="a\x00b"), r"track name 'a\\x00b' cannot be printed"),
+    # plan
+    "geojson as plan": ("a.plan", collection(line()), r"not a QGroundControl plan .*rename it to .geojson"),
+    "other as plan": ("a.plan", {"fileType": "Fence"}, "\"fileType\" is 'Fence'.*save it from QGroundControl"),
+    "no mission": ("a.plan", {"fileType": "Plan"}, "has no list mission.items"),
+    "no items": ("a.plan", plan(), "mission.items holds no waypoint"),
+    "item not an object": ("a.plan", plan(5), r"mission.items\[0\] must be an object, got int"),
+    "item of no kind": ("a.plan", plan({"command": 16}), r'mission.items\[0\].type must be "SimpleItem" or "ComplexItem", got None'),
+    "local frame": ("a.plan", plan(simple(1, 2, frame=1)), r"items\[0\].frame must be global .*got 1"),
+    "jump": ("a.plan", plan(simple(*TRACK[0]), simple(0, 0, command=177)), r"items\[1\] is a jump"),
+    "short params": ("a.plan", plan({**simple(1, 2), "params": [0]}), r"items\[0\].params must be a list of seven numbers, got \[0\]"),
+    "text in params": ("a.plan", plan(simple("north", 2)), r"items\[0\].params\[4:6\] must be a number, got 'north'"),
+    "swapped plan": ("a.plan", plan(simple(-122.3, 47.6)), "look swapped: QGroundControl has latitude in params"),
+    "bad home": (
+        "a.plan",
+        plan(*(simple(*p) for p in TRACK), plannedHomePosition=[1]),
+        "plannedHomePosition must be .latitude, longitude.",
+    ),
+    "structure scan": (
+        "a.plan",
+        plan({"type": "ComplexItem", "complexItemType": "StructureScan"}),
+        r"pattern \('StructureScan'\) with no path",
+    ),
+    "identical waypoints": ("a.plan", plan(simple(*TRACK[0]), simple(*TRACK[0])), "points 1 and 2 .* are identical"),
+    # CSV
+    "no heading": ("a.csv", "47.6,-122.3\n47.7,-122.3\n", 'line 1 must name the columns "lat,lon" or "x,y", got \'47.6,-122.3\''),
+    "blank cells": ("a.csv", ",,\n,,\n", "line 1 must name the columns"),
+    "half a pair": ("a.csv", "lat,y\n1,2\n", "must name the columns"),
+    "heading only": ("a.csv", "lat,lon\n", "has a heading but no points"),
+    "short row": ("a.csv", "lat,lon\n1,2\n3\n", "line 3 has too few columns, 1 of the heading's 2"),
+    "not a number": ("a.csv", "x,y\n1,2\n\n3,north\n", "line 4, column 'y', must be a number, got 'north'"),
+    "nan in a table": ("a.csv", "x,y\n1,nan\n", "line 2, column 'y', must be a finite number, got nan"),
+    "swapped table": ("a.csv", "lat,lon\n-122.3,47.6\n", "line 2 has latitude -122.3 .*look swapped: exchange the headings"),
+    "utm": ("a.csv", "x,y\n550000,5275000\n", r"line 2 has \(550000.0, 5275000.0\) m, more than 100 km .*UTM"),
+    "identical rows": ("a.csv", "x,y\n1,2\n1,2\n", "points 1 and 2 .* are identical"),
+    "overlong cell": ("a.csv", "x,y\n1," + "2" * 200_000, r"line 2 is not CSV \(field larger than field limit"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_refused_in_one_sentence_that_says_where_what_and_how_to_mend(save, case):
+    name, content, message = BAD[case]
+    path = save(name, content)
+    with pytest.raises(ObsplanError, match=message) as caught:
+        read_mission(path)
+    check_one_sentence(str(caught.value).replace(str(path), "FILE"))
+    assert str(path) in str(caught.value)
+
+
+def test_a_missing_file_a_folder_and_an_impossible_name_are_told_apart(save, tmp_path):
+    save("Survey.plan", plan())
+    with pytest.raises(ObsplanError, match=r'does not exist: did you mean "Survey.plan"\?'):
+        read_mission(tmp_path / "survay.plan")
+    with pytest.raises(ObsplanError, match="does not exist: check the name and the folder"):
+        read_mission(tmp_path / "nowhere" / "x.plan")
+    (tmp_path / "b.plan").mkdir()
+    with pytest.raises(ObsplanError, match=r"b\.plan is a folder: give a mission file inside it"):
+        read_mission(tmp_path / "b.plan")
+    with pytest.raises(ObsplanError, match=r"cannot be read \(.*null"):
+        read_mission(tmp_path / "a\0.plan")
+
+
+@pytest.mark.parametrize("suffix", READERS)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(
+    content=st.one_of(
+        st.binary(max_size=200),
+        st.text(max_size=200).map(lambda text: text.encode("utf-8", "replace")),
+        st.text('0123456789.-+einfa,;\t\r\n" ', max_size=60).map(lambda text: b"name,lat,lon\n" + text.encode()),
+    )
+)
+def test_any_bytes_give_a_mission_or_our_error(tmp_path, suffix, content):
+    path = tmp_path / f"a{suffix}"
+    path.write_bytes(content)
+    try:
+        assert isinstance(read_mission(path), Mission)
+    except ObsplanError as error:
+        check_one_sentence(str(error).replace(str(path), "FILE"))
+
+
+rubbish = st.recursive(
+    st.one_of(st.none(), st.booleans(), st.floats(), st.integers(-(10**30), 10**30), st.text(max_size=4)),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=3), st.dictionaries(st.sampled_from(["type", "coordinates", "items", "params"]), inner)
+    ),
+    max_leaves=8,
+)
+
+
+def replace_somewhere(node, value, draw):
+    """Put a value in place of one random part of a JSON document."""
+    if not isinstance(node, (dict, list)) or not node or draw(st.integers(0, 5)) == 0:
+        return value
+    if isinstance(node, dict):
+        key = draw(st.sampled_from(sorted(node)))
+        return {**node, key: replace_somewhere(node[key], value, draw)}
+    i = draw(st.integers(0, len(node) - 1))
+    return [*node[:i], replace_somewhere(node[i], value, draw), *node[i + 1 :]]
+
+
+PATTERN = {"type": "ComplexItem", "TransectStyleComplexItem": {"Items": [simple(3, 4)], "VisualTransectPoints": [[1, 2], [3, 4]]}}
+WHOLE = {
+    ".plan": plan(simple(*TRACK[0]), simple(*TRACK[1]), PATTERN, plannedHomePosition=[1, 2, 3]),
+    ".geojson": {**collection(line(name="q"), line()), "crs": {"properties": {"name": "EPSG:4326"}}},
+}
+
+
+@pytest.mark.parametrize("suffix", WHOLE)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=300)
+@given(value=rubbish, data=st.data())
+def test_a_file_damaged_anywhere_gives_a_mission_or_our_error(tmp_path, suffix, value, data):
+    path = tmp_path / f"a{suffix}"
+    path.write_text(json.dumps(replace_somewhere(WHOLE[suffix], value, data.draw)))
+    try:
+        assert isinstance(read_mission(path), Mission)
+    except ObsplanError as error:
+        check_one_sentence(str(error).replace(str(path), "FILE"))
+
+
+@pytest.mark.parametrize("suffix", WHOLE)
+def test_a_file_cut_anywhere_gives_our_error(save, suffix):
+    whole = json.dumps(WHOLE[suffix])
+    for end in range(len(whole)):
+        with pytest.raises(ObsplanError, match=r"cut short|is empty"):
+            read_mission(save(f"a{suffix}", whole[:end]))
