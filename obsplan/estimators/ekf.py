@@ -6,6 +6,8 @@ from typing import Protocol
 
 import casadi as ca
 
+from obsplan.estimators.jacobian import jacobian
+
 
 class Sensor(Protocol):
     """What the filter needs of a sensor."""
@@ -50,12 +52,6 @@ class Ekf:
         K = P @ H.T / (H @ P @ H.T + R)
         A = ca.SX.eye(x.numel()) - K @ H
         return x + K * innovation, symmetric(A @ P @ A.T + R * K @ K.T)  # Joseph form: P stays positive semidefinite
-
-
-def jacobian(f: Callable[[ca.SX], ca.SX], x: ca.SX) -> ca.SX:
-    """Jacobian of f at the expression x (which need not be a bare symbol)."""
-    s = ca.SX.sym("s", x.numel())  # pyright: ignore[reportArgumentType]
-    return ca.substitute(ca.jacobian(f(s), s), s, x)
 
 
 def symmetric(P: ca.SX) -> ca.SX:

@@ -1,0 +1,27 @@
+"""Planners, one file each, and the table that names them in files and on the command line.
+
+The classes load on first use: a scenario that needs one does not pay for the others' solvers.
+"""
+
+from importlib import import_module
+from typing import Any
+
+PLANNERS = {
+    "path-inertia": "obsplan.planners.path_inertia:PathInertia",
+    "gramian": "obsplan.planners.gramian:GramianHorizon",
+    "circle": "obsplan.planners.circle:Circle",
+    "stationary": "obsplan.planners.stationary:Stationary",
+}
+DEFAULT_PLANNER = "path-inertia"  # what the name "default" stands for
+
+
+def planner_class(name: str) -> type[Any]:
+    """Class of a planner by its name in files."""
+    module, _, cls = PLANNERS[DEFAULT_PLANNER if name == "default" else name].partition(":")
+    return getattr(import_module(module), cls)
+
+
+def name_of(planner: object) -> str:
+    """Name of a planner in files; its class's name where it is not one of ours."""
+    cls = type(planner)
+    return next((name for name, home in PLANNERS.items() if home == f"{cls.__module__}:{cls.__qualname__}"), cls.__name__)

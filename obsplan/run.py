@@ -1,0 +1,196 @@
+"""What was recorded of a mission, and what follows from it."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float
+
+from formulations.information import position_rms, posterior_cramer_rao, range_information, squared_range_information
+from formulations.solution import Status
+from obsplan.estimators.jacobian import transitions
+from obsplan.scenario import Scenario
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timing:
+    """How long it took; never part of a result."""
+
+    seconds: float  # of the whole mission [s]
+    decision_seconds: list[float]  # of each decision that was not folded into the step [s]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """One mission as recorded; errors, consistency and bounds are derived.
+
+    Frames: local east/north [m], heading [rad] counter-clockwise from east. Axes: AUV, time sample (from 0), state (east, north, heading,
+    speed through the water [m/s]). Commands, scores and conditions hold from their sample on; they are nan where no decision was due.
+    """
+
+    scenario: Scenario
+    planner: str
+    condition_label: str  # κ(J), κ(W) or empty
+    seed: int
+    time: Float[np.ndarray, " samples"]  # [s]
+    cna: Float[np.ndarray, "samples 3"]  # pose
+    turn_rate: Float[np.ndarray, " samples"]  # [rad/s]
+    speed: Float[np.ndarray, " samples"]  # of the aid vehicle [m/s]
+    truth: Float[np.ndarray, "auvs samples 4"]
+    mean: Float[np.ndarray, "auvs samples 4"]
+    covariance: Float[np.ndarray, "auvs samples 4 4"]
+    range: Float[np.ndarray, "auvs samples"]  # as measured [m or m^2]; nan without a ping
+    condition: Float[np.ndarray, "auvs samples"]  # predicted condition number at each decision
+    score: Float[np.ndarray, " samples"]  # the planner's own objective
+    status: Float[np.ndarray, " samples"]  # code of a Status; nan without a decision
+    timing: Timing = field(repr=False)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the AUVs."""
+        return [auv.name for auv in self.scenario.table.auv]
+
+    @cached_property
+    def error(self) -> Float[np.ndarray, "auvs samples"]:
+        """Distance between true and estimated position [m]."""
+        return np.hypot(*np.moveaxis(self.mean[..., :2] - self.truth[..., :2], -1, 0))
+
+    @property
+    def rms_error(self) -> float:
+        """Root mean square of the position error over time and AUVs [m], the first estimate included, as in the thesis's tables."""
+        return float(np.sqrt(np.mean(self.error**2)))
+
+    @property
+    def max_error(self) -> float:
+        """Greatest position error [m], the first estimate's included."""
+        return float(self.error.max())
+
+    @cached_property
+    def nees(self) -> Float[np.ndarray, "auvs samples"]:
+        """Normalised squared position error: chi-square with 2 degrees if the filter is consistent, nan where P is singular."""
+        d = self.mean[..., :2] - self.truth[..., :2]
+        P = self.covariance[..., :2, :2]
+        determinant = P[..., 0, 0] * P[..., 1, 1] - P[..., 0, 1] ** 2
+        weighed = P[..., 1, 1] * d[..., 0] ** 2 - 2 * P[..., 0, 1] * d[..., 0] * d[..., 1] + P[..., 0, 0] * d[..., 1] ** 2
+        regular = determinant > 0
+        return np.where(regular, weighed / np.where(regular, determinant, 1.0), np.nan)
+
+    @cached_property
+    def separation(self) -> Float[np.ndarray, "auvs samples"]:
+        """True horizontal distance between the aid vehicle and each AUV [m]."""
+        return np.hypot(*np.moveaxis(self.truth[..., :2] - self.cna[:, :2], -1, 0))
+
+    @cached_property
+    def cramer_rao(self) -> Float[np.ndarray, "auvs samples 4 4"]:
+        """Posterior Cramér-Rao bound along the true path, from the first covariance and the filter's process noise."""
+        dt, scenario = self.scenario.table.time_step, self.scenario
+        Q = np.stack([np.diag(row**2 * dt) for row in scenario.process_noise(assumed=True)])
+        F = np.stack([transitions(scenario.auv_model, states[:-1], dt) for states in self.truth])
+        return posterior_cramer_rao(self.covariance[:, 0], F, Q, self._information())
+
+    def _information(self) -> Float[np.ndarray, "auvs steps 4 4"]:
+        """What heading and range measured on arriving at each sample after the first tell of the state."""
+        J = np.zeros((len(self.names), self.time.size - 1, 4, 4))
+        J[..., 2, 2] = self.scenario.heading_sensor.sigma**-2
+        gain = {"range": range_information, "squared-range": squared_range_information}[self.scenario.table.ranging.kind]
+        pings = self.scenario.pings
+        J[:, pings - 1, :2, :2] = gain(self.cna[pings, :2], self.truth[:, pings, :2], self.scenario.range_sensor.sigma)
+        return J
+
+    @property
+    def status_counts(self) -> dict[str, int]:
+        """How often each status was given."""
+        codes, counts = np.unique(self.status[np.isfinite(self.status)], return_counts=True)
+        return {Status(int(code)).label: int(count) for code, count in zip(codes, counts, strict=True)}
+
+    def summary(self) -> dict[str, Any]:
+        """Figures of merit over all AUVs and per AUV, in metres."""
+        from obsplan import __version__
+
+        per_auv = {name: self._figures(slice(i, i + 1)) for i, name in enumerate(self.names)}
+        return {
+            "scenario": self.scenario.table.name,
+            "planner": self.planner,
+            "seed": self.seed,
+            "version": __version__,
+            "all": self._figures(slice(None)),
+            "auv": per_auv,
+            "status_counts": self.status_counts,
+        }
+
+    def _figures(self, auvs: slice) -> dict[str, float | None]:
+        nees, separation = self.nees[auvs], self.separation[auvs]
+        figures = {
+            "rms_error_m": np.sqrt(np.mean(self.error[auvs] ** 2)),
+            "max_error_m": self.error[auvs].max(),
+            "mean_nees": np.nan if np.isnan(nees).all() else np.nanmean(nees),
+            "pcrb_rms_m": np.sqrt(np.mean(position_rms(self.cramer_rao[auvs]) ** 2)),
+            "separation_mean_m": separation.mean(),
+            "separation_max_m": separation.max(),
+        }
+        return {key: float(value) if np.isfinite(value) else None for key, value in figures.items()}
+
+    def to_dataset(self) -> "xr.Dataset":
+        """The recording with names, units and, by the scenario's origin, latitudes and longitudes; CF trajectories, one per AUV."""
+        from obsplan.recording import to_dataset
+
+        return to_dataset(self)
+
+    def to_netcdf(self, path: str | Path) -> None:
+        """Write the recording as CF NetCDF (classic format, featureType trajectory), under a temporary name first.
+
+        Raises
+        ------
+        OSError
+            The file cannot be written.
+        """
+        from obsplan.recording import write_netcdf
+
+        write_netcdf(self, Path(path))
+
+
+def record(scenario: Scenario, planner: object, seed: int, carries: dict[str, Any], logs: dict[str, Any], timing: Timing) -> Run:
+    """Make a run of what the loop said; matrices of consecutive steps side by side."""
+    from obsplan.planners import name_of
+
+    auvs = len(scenario.table.auv)
+    stack = lambda a: a.T.reshape(-1, auvs, a.shape[0]).swapaxes(0, 1)  # noqa: E731
+    after = lambda a: np.concatenate([np.full((auvs, 1), np.nan), stack(a)[..., 0]], axis=1)  # noqa: E731 - measured at the step's end
+    ahead = lambda a: np.concatenate([stack(a)[..., 0], np.full((auvs, 1), np.nan)], axis=1)  # noqa: E731 - decided at its beginning
+    command = carries["command"]
+    return Run(
+        scenario=scenario,
+        planner=name_of(planner),
+        condition_label=getattr(planner, "condition_label", ""),
+        seed=seed,
+        time=scenario.time,
+        cna=carries["cna"].T,
+        turn_rate=held(command[0]),
+        speed=held(command[1]),
+        truth=stack(carries["truth"]),
+        mean=stack(carries["mean"]),
+        covariance=symmetric(stack(carries["covariance"])),
+        range=after(logs["range"]),
+        condition=ahead(logs["condition"]),
+        score=np.append(logs["score"][0], np.nan),
+        status=np.append(logs["status"][0], np.nan),
+        timing=timing,
+    )
+
+
+def held(command: Float[np.ndarray, " samples"]) -> Float[np.ndarray, " samples"]:
+    """The command in force from each sample on: the carry's is that of the step before."""
+    return np.append(command[1:], command[-1])
+
+
+def symmetric(lower: Float[np.ndarray, "auvs samples 10"]) -> Float[np.ndarray, "auvs samples 4 4"]:
+    """Covariances from their lower triangles by columns."""
+    P = np.empty((*lower.shape[:-1], 4, 4))
+    columns, rows = np.triu_indices(4)  # the lower triangle by columns is the upper one by rows
+    P[..., rows, columns] = P[..., columns, rows] = lower
+    return P

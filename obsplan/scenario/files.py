@@ -1,0 +1,147 @@
+"""Scenario files in and out; the only reader of user configuration."""
+
+import tomllib
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from obsplan.planners import PLANNERS
+from obsplan.scenario.messages import as_error, nearest
+from obsplan.scenario.scenario import Scenario
+from obsplan.scenario.tables import ScenarioTable
+from obsplan.types import ObsplanError
+
+SHIPPED = Path(str(files("obsplan") / "scenarios"))
+
+
+def shipped() -> list[str]:
+    """Names of the scenarios that come with the package."""
+    return sorted(path.stem for path in SHIPPED.glob("*.toml"))
+
+
+def load(name: str | Path, *, planner: str | None = None, settings: Sequence[str] = ()) -> Scenario:
+    """Read a shipped scenario by name, or a scenario file, and check all of it.
+
+    Parameters
+    ----------
+    name
+        Name of a shipped scenario, or path of a TOML file.
+    planner
+        Replaces the kind of planner and its own options; the time between decisions and the planner's knowledge stay.
+    settings
+        ``table.key=value`` each, applied after ``planner``; tables in a list by number: ``auv.0.speed=0.5``.
+
+    Raises
+    ------
+    ObsplanError
+        What the user gave is wrong; one sentence with the place, the value and the remedy.
+    """
+    path = find(name)
+    source = path.name
+    data = with_planner(read(path), planner)
+    for setting in settings:
+        data = with_setting(data, setting)
+    return from_dict(data, source=source, folder=path.parent)
+
+
+def from_dict(data: dict[str, Any], *, source: str = "scenario", folder: Path = Path()) -> Scenario:
+    """Check the contents of a scenario file; relative paths in it start at ``folder``.
+
+    Raises
+    ------
+    ObsplanError
+        As `load`.
+    """
+    try:
+        table = ScenarioTable.model_validate(tuples(data))
+    except ValidationError as error:
+        raise as_error(source, error) from None
+    scenario = Scenario(table=table, source=source, folder=folder)
+    scenario.check()
+    return scenario
+
+
+def replanned(scenario: Scenario, planner: str) -> Scenario:
+    """The same scenario under another planner, at the same interval and knowledge.
+
+    Raises
+    ------
+    ObsplanError
+        No planner has that name.
+    """
+    data = scenario.table.model_dump(exclude_unset=True, exclude_none=True)
+    return from_dict(with_planner(data, planner), source=scenario.source, folder=scenario.folder)
+
+
+def find(name: str | Path) -> Path:
+    """Path of a scenario file by its path or shipped name."""
+    path = Path(name)
+    if path.suffix != ".toml" and not path.exists():
+        if str(name) not in shipped():
+            raise ObsplanError(f'no scenario "{name}" is shipped and no such file exists; {nearest(str(name), shipped())}')
+        return SHIPPED / f"{name}.toml"
+    return path
+
+
+def read(path: Path) -> dict[str, Any]:
+    """Parse a TOML file."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        raise ObsplanError(f"{path}: no such file; `obsplan scenarios` lists those that are shipped") from None
+    except IsADirectoryError:
+        raise ObsplanError(f"{path}: is a folder; give a scenario file inside it") from None
+    except OSError as error:
+        raise ObsplanError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise ObsplanError(f"{path}: is not text in UTF-8 (byte {error.start}); give a scenario file in TOML") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ObsplanError(f"{path}: is not valid TOML: {error}; for a mission file use `obsplan new {path.name}`") from None
+
+
+def tuples(data: Any) -> Any:
+    """The same data with its lists as tuples, which is how the tables hold them."""
+    if isinstance(data, dict):
+        return {key: tuples(value) for key, value in data.items()}
+    return tuple(tuples(value) for value in data) if isinstance(data, list | tuple) else data
+
+
+def with_planner(data: dict[str, Any], planner: str | None) -> dict[str, Any]:
+    """The contents with another planner, at the same interval and knowledge."""
+    if planner is None:
+        return data
+    if planner not in (*PLANNERS, "default"):
+        raise ObsplanError(f'no planner "{planner}"; {nearest(planner, [*PLANNERS, "default"])}')
+    table = data.get("planner", {})
+    kept = {key: table[key] for key in ("interval", "knowledge") if key in table}
+    same = table if table.get("kind") == planner else {}
+    return {**data, "planner": {**same, **kept, "kind": planner}}
+
+
+def with_setting(data: dict[str, Any], setting: str) -> dict[str, Any]:
+    """The contents with one ``table.key=value`` set."""
+    key, equals, text = setting.partition("=")
+    if not equals or not key.strip():
+        raise ObsplanError(f'--set "{setting}" has no value; write table.key=value, for example cna.speed=1.5')
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text  # a bare word is a string
+    return replaced(data, key.strip().split("."), value, setting)
+
+
+def replaced(data: Any, path: list[str], value: Any, setting: str) -> Any:
+    """A copy of nested tables and lists with one place replaced."""
+    if not path:
+        return value
+    head, rest = path[0], path[1:]
+    if isinstance(data, list | tuple):
+        if not head.isdigit() or int(head) >= len(data):
+            raise ObsplanError(f'--set "{setting}": {head} is not one of the {len(data)} entries, which count from 0')
+        return [replaced(item, rest, value, setting) if i == int(head) else item for i, item in enumerate(data)]
+    if not isinstance(data, dict):
+        raise ObsplanError(f'--set "{setting}": {head} is not a key, because the entry above it is a value; see `obsplan schema`')
+    return {**data, head: replaced(data.get(head, {}), rest, value, setting)}

@@ -1,0 +1,78 @@
+"""One clear sentence from what pydantic found wrong."""
+
+import difflib
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from obsplan.scenario.tables import ScenarioTable
+from obsplan.types import ObsplanError
+
+
+def as_error(source: str, error: ValidationError) -> ObsplanError:
+    """The first fault found, as an error that names file, key, value and remedy."""
+    faults = error.errors()
+    fault = next((f for f in faults if f["type"] == "extra_forbidden"), faults[0])  # a misspelt key explains the key that is missing
+    table, path, field = locate(fault["loc"])
+    key = ".".join(path)
+    if fault["type"] == "extra_forbidden":
+        return ObsplanError(f"{source}: unknown key {key}; {nearest(path[-1], known_keys(table))}")
+    about = f" ({field.description})" if field is not None and field.description else ""
+    if fault["type"] == "missing":
+        return ObsplanError(f"{source}: {key} is missing{about}; add it")
+    if fault["type"] == "union_tag_not_found":
+        return ObsplanError(f"{source}: {key}.kind is missing; give one of {', '.join(kinds(field))}")
+    if fault["type"] == "union_tag_invalid":
+        tag = str((fault.get("ctx") or {}).get("tag"))
+        return ObsplanError(f'{source}: {key}.kind = "{tag}" is not known; {nearest(tag, kinds(field))}')
+    reason = fault["msg"].replace("Input should be", "must be").replace("Value error, ", "").replace("Input should have", "must have")
+    value = "" if isinstance(fault["input"], dict | list) else f" = {fault['input']!r}"
+    return ObsplanError(f"{source}: {key}{value}{about}: {reason[0].lower() + reason[1:]}")
+
+
+def nearest(word: str, known: list[str]) -> str:
+    """The remedy for a misspelt word."""
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    return f'did you mean "{close[0]}"?' if close else f"known are {', '.join(sorted(known))}"
+
+
+def locate(loc: tuple[int | str, ...]) -> tuple[type[BaseModel] | None, list[str], Any]:
+    """The table that holds a fault, the fault's key as the user wrote it, and the field's description."""
+    table: type[BaseModel] | None = ScenarioTable
+    path: list[str] = []
+    holder, field, tags = table, None, {}
+    for part in loc:
+        if part in tags:  # pydantic puts the tag of a union into the path; the file has no such key
+            table, tags = tags[part], {}
+            continue
+        path.append(str(part))
+        if isinstance(part, int):
+            continue
+        holder = table
+        field = table.model_fields.get(part) if table is not None else None
+        tables = tables_in(field.annotation) if field is not None else []
+        table = tables[0] if len(tables) == 1 else None
+        tags = {kind_of(t): t for t in tables} if len(tables) > 1 else {}
+    return holder, path or ["the file"], field
+
+
+def tables_in(annotation: Any) -> list[type[BaseModel]]:
+    """The tables among the alternatives of a type."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [table for part in get_args(annotation) for table in tables_in(part)]
+
+
+def kind_of(table: type[BaseModel]) -> str:
+    """The word by which a union knows a table."""
+    return get_args(table.model_fields["kind"].annotation)[0]
+
+
+def kinds(field: Any) -> list[str]:
+    """The kinds a discriminated key may have."""
+    return [kind_of(t) for t in tables_in(field.annotation)] if field is not None else []
+
+
+def known_keys(table: type[BaseModel] | None) -> list[str]:
+    """The keys of a table."""
+    return list(table.model_fields) if table is not None else []

@@ -1,0 +1,216 @@
+"""A checked scenario, and the objects it stands for."""
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Integer
+
+from obsplan.planners import planner_class
+from obsplan.planners.protocol import Planner
+from obsplan.scenario.tables import CONTEXT, MissionSurvey, ScenarioTable
+from obsplan.sensors import SENSORS, Heading
+from obsplan.surveys import SURVEYS, Motion, Reference, Waypoints
+from obsplan.types import ObsplanError, Pose
+from obsplan.vehicles import DeadReckoning, Unicycle
+
+MOST_STEPS = 2_000_000  # about 1 GB of records with eight AUVs
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """What a scenario file says, and what follows from it; built by `load` or `from_dict`.
+
+    ``source`` is the file's name for messages, ``folder`` where its relative paths start.
+    """
+
+    table: ScenarioTable
+    source: str = "scenario"
+    folder: Path = Path()
+
+    def check(self) -> None:
+        """Build everything once, so that whatever is wrong is said before anything runs.
+
+        Raises
+        ------
+        ObsplanError
+            One sentence with the place, the value and the remedy.
+        """
+        names = [auv.name for auv in self.table.auv]
+        if len(set(names)) < len(names):
+            raise self.error("auv", f"the names {names} are not all different; rename one")
+        _ = self.motions, self.ping_every, self.decide_every
+        self.planner()
+
+    def error(self, key: str, what: object) -> ObsplanError:
+        """An error at a key of this scenario."""
+        return ObsplanError(f"{self.source}: {key}: {what}")
+
+    @cached_property
+    def cna(self) -> Unicycle:
+        """The aid vehicle."""
+        return Unicycle(speed=self.table.cna.speed, min_turn_radius=self.table.cna.min_turn_radius)
+
+    @property
+    def start(self) -> Pose:
+        """Where the aid vehicle starts, unless its planner says otherwise."""
+        start = self.table.cna.start
+        return Pose(start.x, start.y, float(np.deg2rad(start.heading_deg)))
+
+    @cached_property
+    def references(self) -> tuple[Reference, ...]:
+        """Motion each AUV is asked to follow."""
+        done: dict[str, Reference] = {}
+        for i, auv in enumerate(self.table.auv):
+            try:
+                done[auv.name] = self._reference(i, done)
+            except ValueError as error:
+                raise self.error(f"auv.{i}.survey", error) from None
+        return tuple(done.values())
+
+    def _reference(self, i: int, done: dict[str, Reference]) -> Reference:
+        auv = self.table.auv[i]
+        current = np.array(self.table.environment.current)
+        if isinstance(auv.survey, MissionSurvey):
+            return self._mission(auv.survey).reference(speed=auv.speed, current=current)
+        survey = SURVEYS[auv.survey.kind](**options(SURVEYS[auv.survey.kind], auv.survey))
+        if auv.survey.kind != "formation":
+            return survey.reference(speed=auv.speed, current=current)
+        if survey.leader not in done:
+            raise ValueError(f'leader "{survey.leader}" is not an AUV listed before "{auv.name}"; listed are {list(done) or "none"}')
+        return survey.follow(done[survey.leader])
+
+    def _mission(self, survey: MissionSurvey) -> Waypoints:
+        from obsplan.missions import read_mission, to_local
+
+        mission = to_local(read_mission(self.folder / survey.file), (self.table.origin.lat, self.table.origin.lon))
+        name = survey.track if survey.track is not None else next(iter(mission.tracks))
+        if name not in mission.tracks:
+            raise ValueError(f'{survey.file} has no track "{name}"; it has {", ".join(mission.tracks)}')
+        return Waypoints(points=tuple((float(x), float(y)) for x, y in mission.tracks[name]))
+
+    @cached_property
+    def time(self) -> Float[np.ndarray, " steps"]:
+        """Sample instants [s], from 0."""
+        duration = self.table.duration or max(reference.duration for reference in self.references)
+        if not duration > 0:
+            raise self.error("duration", "is missing, and no AUV moves; give the length of the mission [s]")
+        steps = int(np.ceil(duration / self.table.time_step - 1e-9))
+        if steps > MOST_STEPS:
+            raise self.error(
+                "time_step", f"{self.table.time_step} s makes {steps} steps of {duration:.0f} s; give at most {MOST_STEPS} steps"
+            )
+        return np.arange(steps + 1) * self.table.time_step
+
+    @cached_property
+    def motions(self) -> tuple[Motion, ...]:
+        """The references at the sample instants."""
+        return tuple(reference.sample(self.time) for reference in self.references)
+
+    @property
+    def ping_every(self) -> int:
+        """Steps between ranges."""
+        return self._steps("ranging.interval", self.table.ranging.interval)
+
+    @property
+    def decide_every(self) -> int:
+        """Steps between decisions."""
+        return self._steps("planner.interval", self.table.planner.interval or self.table.time_step)
+
+    def _steps(self, key: str, interval: float) -> int:
+        ratio = interval / self.table.time_step
+        if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6:
+            raise self.error(key, f"{interval} s is not a whole multiple of time_step = {self.table.time_step} s; change one of them")
+        return round(ratio)
+
+    @property
+    def pings(self) -> Integer[np.ndarray, " pings"]:
+        """Indices of the sample instants at which ranges are measured; none at time 0."""
+        return np.arange(self.ping_every, self.time.size, self.ping_every)
+
+    @property
+    def auv_model(self) -> DeadReckoning:
+        """The AUVs' motion, of the truth and of the filter."""
+        return DeadReckoning(current=self.table.environment.current)
+
+    @property
+    def range_sensor(self) -> Any:
+        """The range or squared-range sensor."""
+        return SENSORS[self.table.ranging.kind](sigma=self.table.ranging.sigma)
+
+    @property
+    def heading_sensor(self) -> Heading:
+        """The compass."""
+        return Heading(sigma=float(np.deg2rad(self.table.ranging.heading_sigma_deg)))
+
+    def process_noise(self, *, assumed: bool = False) -> Float[np.ndarray, "auvs 4"]:
+        """Standard deviations per square root of a second of (east, north, heading, speed): the truth's, or those the filter assumes."""
+        override = self.table.estimator.process_noise if assumed else None
+        noises = [override or auv.process_noise for auv in self.table.auv]
+        return np.array([[n.position, n.position, np.deg2rad(n.heading_deg), n.speed] for n in noises])
+
+    def first_estimates(
+        self, truth: Float[np.ndarray, "4 auvs"], error: Float[np.ndarray, "4 auvs"]
+    ) -> tuple[Float[np.ndarray, "4 auvs"], Float[np.ndarray, "auvs 4 4"]]:
+        """The filters' first means and covariances; what is not given is the truth plus a standard normal error times its sigma."""
+        firsts = [auv.first_estimate for auv in self.table.auv]
+        heading = [None if f.heading_deg is None else np.deg2rad(f.heading_deg) for f in firsts]
+        given = np.array([[f.x, f.y, h, f.speed] for f, h in zip(firsts, heading, strict=True)], dtype=float).T  # None becomes nan
+        sigma = np.array([[f.sigma_position, f.sigma_position, np.deg2rad(f.sigma_heading_deg), f.sigma_speed] for f in firsts])
+        mean = np.where(np.isnan(given), truth + sigma.T * error, given)
+        return mean, np.stack([np.diag(row**2) for row in sigma])
+
+    def planner(self) -> Planner:
+        """Build the planner, telling it what it asks for of the scenario: vehicle, survey circle, ping interval, range error.
+
+        Raises
+        ------
+        ObsplanError
+            An option out of its range.
+        """
+        table = self.table.planner
+        cls = planner_class(table.kind)
+        given = {key: value for key, value in options(cls, table).items() if value is not None or key not in CONTEXT}
+        told = {f.name: self._context(f.name) for f in fields(cls) if f.name in CONTEXT and f.name not in given}
+        try:
+            return cls(**told, **given)
+        except ValueError as error:
+            raise self.error("planner", error) from None
+
+    def _context(self, name: str) -> Any:
+        if name == "cna":
+            return self.cna
+        if name in ("center", "radius"):
+            return self._survey_circle[name]
+        return {"ping_interval": self.table.ranging.interval, "sigma": self.table.ranging.sigma}[name]
+
+    @cached_property
+    def _survey_circle(self) -> dict[str, Any]:
+        """Smallest circle about every survey, not smaller than the aid vehicle can turn."""
+        import shapely
+
+        points = shapely.MultiPoint(np.concatenate([reference.polyline for reference in self.references]))
+        center = shapely.minimum_bounding_circle(points).centroid
+        radius = max(float(shapely.minimum_bounding_radius(points)), self.cna.min_turn_radius)
+        return {"center": (center.x, center.y), "radius": radius}
+
+    def resolved(self) -> dict[str, Any]:
+        """Contents of a file that gives this scenario again: mission files replaced by their waypoints, nothing left to a default."""
+        data = self.table.model_dump(mode="json", exclude_none=True)
+        for auv, reference, table in zip(data["auv"], self.references, self.table.auv, strict=True):
+            if isinstance(table.survey, MissionSurvey):
+                auv["survey"] = {"kind": "waypoints", "points": reference.polyline.tolist()}
+        return data
+
+
+def options(cls: type, table: Any) -> dict[str, Any]:
+    """Constructor arguments of a dataclass from its table; ``heading_deg`` becomes ``heading`` [rad]."""
+    values = {}
+    for f in fields(cls):
+        if f.name == "heading":
+            values["heading"] = float(np.deg2rad(table.heading_deg))
+        elif hasattr(table, f.name):
+            values[f.name] = getattr(table, f.name)
+    return values

@@ -1,0 +1,173 @@
+"""Every key a scenario file may have: its type, its limits, its default, and in its description its unit."""
+
+from dataclasses import MISSING, fields
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_type_hints
+
+from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
+
+from obsplan.planners import PLANNERS, planner_class
+from obsplan.surveys import SURVEYS
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+
+CONTEXT = ("cna", "center", "radius", "ping_interval", "sigma")  # what the scenario itself tells a planner that has such a field
+
+
+class Table(BaseModel):
+    """A table of the file: unknown keys and numbers that are not finite are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+
+def table_of(cls: type, name: str, *, kind: str, optional: tuple[str, ...] = (), omit: tuple[str, ...] = ()) -> type[Table]:
+    """Table with a key for every field of a dataclass; a field ``heading`` becomes the key ``heading_deg``.
+
+    A field's description is the string in its ``Annotated`` type. Fields in ``optional`` may be left out and are then None.
+    """
+    keys: dict[str, Any] = {"kind": (Literal[kind], kind)}
+    hints = get_type_hints(cls, include_extras=True)
+    for f in fields(cls):
+        if f.name in omit:
+            continue
+        hint, default = hints[f.name], ... if f.default is MISSING else f.default
+        description = hint.__metadata__[0] if hasattr(hint, "__metadata__") else ""
+        if f.name in optional:
+            hint, default = hint | None, None
+        key, description = (f"{f.name}_deg", description.replace("[rad]", "[deg]")) if f.name == "heading" else (f.name, description)
+        keys[key] = (hint, Field(default, description=description))
+    return create_model(name, __base__=Table, __module__=__name__, **keys)
+
+
+class Origin(Table):
+    """Where local east/north is zero."""
+
+    lat: float = Field(ge=-90, le=90, description="latitude [deg], WGS84")
+    lon: float = Field(ge=-180, le=180, description="longitude [deg], WGS84")
+
+
+class Start(Table):
+    """Where the aid vehicle starts."""
+
+    x: float = Field(default=0.0, description="east [m]")
+    y: float = Field(default=0.0, description="north [m]")
+    heading_deg: float = Field(default=90.0, description="heading [deg], counter-clockwise from east")
+
+
+class Cna(Table):
+    """The aid vehicle (communication and navigation aid)."""
+
+    speed: Positive = Field(description="cruising speed [m/s]")
+    min_turn_radius: Positive = Field(description="smallest turning radius [m]")
+    start: Start = Field(default=Start(), description="pose at time 0")
+
+
+class MissionSurvey(Table):
+    """A survey read from a mission file."""
+
+    kind: Literal["mission"]
+    file: str = Field(description="GeoJSON, QGroundControl .plan or CSV file; relative to the scenario file")
+    track: str | None = Field(default=None, description="name of the track, where the file has several; default: the first")
+
+
+class FirstEstimate(Table):
+    """The filter's first mean and standard deviations; what is left out of the mean is drawn about the truth with its sigma."""
+
+    x: float | None = Field(default=None, description="east [m]")
+    y: float | None = Field(default=None, description="north [m]")
+    heading_deg: float | None = Field(default=None, description="heading [deg], counter-clockwise from east")
+    speed: float | None = Field(default=None, description="speed through the water [m/s]")
+    sigma_position: NonNegative = Field(default=5.0, description="standard deviation of each coordinate [m]")
+    sigma_heading_deg: NonNegative = Field(default=2.0, description="standard deviation of the heading [deg]")
+    sigma_speed: NonNegative = Field(default=0.5, description="standard deviation of the speed [m/s]")
+
+
+class ProcessNoise(Table):
+    """Standard deviations of a random walk, per square root of a second."""
+
+    position: NonNegative = Field(default=0.0, description="of each coordinate [m/sqrt(s)]")
+    heading_deg: NonNegative = Field(default=0.0, description="of the heading [deg/sqrt(s)]")
+    speed: NonNegative = Field(default=0.0, description="of the speed through the water [m/s/sqrt(s)]")
+
+
+SURVEY_TABLES = tuple(table_of(cls, cls.__name__, kind=kind) for kind, cls in SURVEYS.items())
+if TYPE_CHECKING:  # these are unions of tables built at run time
+    Survey = Planner = Any
+else:
+    Survey = Annotated[Union[(*SURVEY_TABLES, MissionSurvey)], Field(discriminator="kind")]
+
+
+class Auv(Table):
+    """One survey vehicle."""
+
+    name: str = Field(default="", description="name in tables and figures; default: auv-1, auv-2, ...")
+    speed: NonNegative = Field(default=0.0, description="speed through the water [m/s]")
+    weight: NonNegative = Field(default=1.0, description="weight in the planner's objective")
+    survey: Survey = Field(description="what it follows over ground")  # pyright: ignore[reportInvalidTypeForm]
+    first_estimate: FirstEstimate = FirstEstimate()
+    process_noise: ProcessNoise = ProcessNoise()
+
+
+class Environment(Table):
+    """The water."""
+
+    current: tuple[float, float] = Field(default=(0.0, 0.0), description="uniform current, east and north [m/s]")
+
+
+class Ranging(Table):
+    """Acoustic ranging and the compass."""
+
+    kind: Literal["range", "squared-range"] = Field(default="range", description="what is measured with Gaussian error")
+    interval: Positive = Field(default=15.0, description="time between ranges to each AUV [s]")
+    sigma: Positive = Field(default=1.0, description="standard deviation [m], of a squared range [m^2]")
+    heading_sigma_deg: Positive = Field(default=1.0, description="standard deviation of the measured heading [deg]")
+
+
+class Estimator(Table):
+    """The AUVs' filter."""
+
+    kind: Literal["ekf"] = Field(default="ekf", description="extended Kalman filter")
+    process_noise: ProcessNoise | None = Field(default=None, description="what the filter assumes; default: the truth's")
+
+
+class PlannerTable(Table):
+    """Keys that every planner has."""
+
+    interval: Positive | None = Field(default=None, description="time between decisions [s]; default: the time step")
+    knowledge: Literal["estimate", "survey", "truth"] = Field(default="estimate", description="what the planner is given of the AUVs")
+
+
+def planner_table(name: str) -> type[PlannerTable]:
+    """Table of one planner: the common keys and its own fields."""
+    cls = planner_class(name)
+    own = table_of(cls, f"{cls.__name__}Options", kind=name, optional=CONTEXT, omit=("cna",))
+    return create_model(f"{cls.__name__}Table", __base__=(PlannerTable, own), __module__=__name__)  # pyright: ignore[reportReturnType]
+
+
+PLANNER_TABLES = {name: planner_table(name) for name in (*PLANNERS, "default")}
+if not TYPE_CHECKING:
+    Planner = Annotated[Union[(*PLANNER_TABLES.values(),)], Field(discriminator="kind")]
+
+
+class ScenarioTable(Table):
+    """A whole scenario file."""
+
+    name: str = Field(default="scenario", pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", description="letters, digits, dots and hyphens")
+    seed: int = Field(default=1, ge=0, description="of all random numbers")
+    time_step: Positive = Field(default=0.5, description="of simulation, heading measurements and records [s]")
+    duration: Positive | None = Field(default=None, description="of the mission [s]; default: until the last survey is done")
+    origin: Origin = Field(description="geographic place of local (0, 0)")
+    cna: Cna
+    auv: tuple[Auv, ...] = Field(min_length=1, description="the survey vehicles")
+    environment: Environment = Environment()
+    ranging: Ranging = Ranging()
+    estimator: Estimator = Estimator()
+    planner: Planner = Field(default=PLANNER_TABLES["default"](), description="who steers the aid vehicle")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _name_the_nameless(cls, data: Any) -> Any:
+        auvs = data.get("auv") if isinstance(data, dict) else None
+        if not isinstance(auvs, tuple):
+            return data
+        return {**data, "auv": tuple({"name": f"auv-{i + 1}", **auv} if isinstance(auv, dict) else auv for i, auv in enumerate(auvs))}
