@@ -105,7 +105,9 @@ def test_waypoints_refuse_a_tolerance_that_is_not_one(tmp_path, tolerance):
 def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
     path = tmp_path / "a.txt"
     write_atomically(path, "one\r\n")
-    write_atomically(path, b"two\n")
+    with open(path, "rb") as earlier:  # a reader who came before keeps what it opened: the file was replaced, not overwritten
+        write_atomically(path, b"two\n")
+        assert earlier.read() == b"one\r\n"
     assert path.read_bytes() == b"two\n"
 
     def full(self, content):
