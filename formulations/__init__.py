@@ -9,6 +9,7 @@ from typing import Any
 _HOME = {
     "ExactGramian": "gramian",
     "METRICS": "metrics",
+    "PathInertiaProblem": "path_inertia",
     "Solution": "solution",
     "Status": "solution",
     "blend": "metrics",

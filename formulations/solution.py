@@ -59,3 +59,10 @@ class Solution:
     dual_residual: float
     duality_gap: float
     status: Status
+
+    @classmethod
+    def missing(cls, status: Status, n: int = 1) -> "Solution":
+        """Return what stands for a solution where there is none: nan throughout, and why."""
+        nothing = float("nan")
+        unknown = np.full(n, nothing)
+        return cls(x=unknown, objective=nothing, primal_residual=nothing, dual_residual=nothing, duality_gap=nothing, status=status)

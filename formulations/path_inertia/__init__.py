@@ -10,8 +10,10 @@ from formulations.path_inertia.closed_form import (
     path_inertia_radius,
     radius_threshold,
 )
+from formulations.path_inertia.problem import PathInertiaProblem
 
 __all__ = [
+    "PathInertiaProblem",
     "circle_center",
     "curvature_condition_number",
     "inertia_condition_number",

@@ -1,0 +1,200 @@
+"""Path inertia as a convex problem that is compiled once and then solved decision by decision."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from formulations.path_inertia.closed_form import lateral_offset, longitudinal_offset
+from formulations.path_inertia.program import Side, TurnProgram, curvature_sides, radius_sides
+from formulations.path_inertia.solvers import SOLVERS, solve_scaled
+from formulations.solution import Solution, Status
+
+Objective = Literal["difference", "condition-number"]
+Solver = Literal["closed-form", "osqp", "clarabel", "cvxpy-osqp", "cvxpy-clarabel"]
+
+
+class Criterion(NamedTuple):
+    """One decision's objective, scale·(½(x − center)² + threshold·|x|) + constant."""
+
+    center: float
+    threshold: float
+    scale: float
+    constant: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathInertiaProblem:
+    r"""Choose the circle that makes AUVs observable, within limits on the circle and on its change from the last decision.
+
+    With b, s, d the offsets and distance of each AUV (MATH: ``lateral_offset``, ``longitudinal_offset``), w its share of the weights and
+    ĉ the circle's centre relative to it, ``difference`` minimises thesis (3.26) over the signed radius r [m],
+
+    .. math:: \sum w\,[r^2 - 2 r b + \gamma(\|\hat c\|^2 + |r|)] + \rho\,(r - r_{\mathrm{last}})^2
+
+    and ``condition-number`` minimises the mean condition number of the inertia over the curvature k = 1/r [1/m],
+
+    .. math:: \sum w\,[1 + 2(d^2 k^2 - 2 b k + 1)] + \rho\,(k - k_{\mathrm{last}})^2
+
+    both subject to r_min ≤ |r| ≤ max_radius and ‖ĉ‖² = s² + (r − b)² ≤ max_center_distance² for each AUV. Bounds on the centre distance are
+    an interval of radii. What is left is two intervals, right turns and left turns; the convex problem is solved over the interval that
+    spans them, and a turn in the gap between them goes to the better of its two ends: last, exactly, and by the sign of the mean offset b̄
+    (with ρ: of the centre it shares with the last turn), left where that is zero. The turning limit itself is such a gap for radii and a
+    true constraint for curvatures.
+
+    γ ≥ 0 weighs distance against observability in ``difference`` and has no part in the other, whose optimum already weighs them.
+    ρ ≥ 0 is ``change_weight``: a number for radii, in m² for curvatures.
+    """
+
+    min_radius: float  # [m]
+    gamma: float = 0.0
+    change_weight: float = 0.0
+    max_radius: float = math.inf  # [m]
+    max_center_distance: float | Sequence[float] = math.inf  # [m], for all AUVs or for each in their order
+    objective: Objective = "difference"
+    solver: Solver = "closed-form"
+    tolerance: float = 1e-6  # of the turn, relative to the largest of limit, offset and threshold; certified or Status.INACCURATE
+    compiled: Any = field(init=False, repr=False, compare=False)  # the solver, set up
+
+    def __post_init__(self):
+        for name, unit in (("min_radius", " [m]"), ("max_radius", " [m]"), ("tolerance", "")):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be positive{unit}, got {getattr(self, name)}")
+        for name in ("gamma", "change_weight"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"{name} must be zero or positive and finite, got {getattr(self, name)}")
+        if self.max_radius < self.min_radius:
+            raise ValueError(f"max_radius {self.max_radius} m is below min_radius {self.min_radius} m: no turn is left, raise it")
+        if not np.all(np.asarray(self.max_center_distance) > 0):
+            raise ValueError(f"max_center_distance must be positive [m], got {self.max_center_distance}")
+        if self.objective not in ("difference", "condition-number"):
+            raise ValueError(f"objective must be 'difference' or 'condition-number', got {self.objective!r}")
+        if self.solver not in SOLVERS:
+            raise ValueError(f"solver must be one of {', '.join(SOLVERS)}, got {self.solver!r}")
+        object.__setattr__(self, "compiled", SOLVERS[self.solver](self.objective == "difference" and self.gamma > 0))
+
+    def solve(
+        self,
+        positions: Float[np.ndarray, "auvs 2"],
+        heading: float,
+        weights: Float[np.ndarray, " auvs"] | None = None,
+        *,
+        last_radius: float | None = None,
+    ) -> Solution:
+        """Decide for the positions of the aid vehicle relative to each AUV [m] and its heading [rad].
+
+        Weights (≥ 0, all equal if not given) are normalised. ``last_radius`` is the signed radius turned before, infinite if straight; with
+        none (for radii: or an infinite one) there is no change to penalise. The solution's ``x`` is the signed radius or the curvature.
+        Raises ValueError for negative weights, a last radius of zero, and limits or weights that are not one per AUV.
+        """
+        if last_radius == 0:
+            raise ValueError("last_radius must not be zero: no vehicle turned so; leave it out before the first decision")
+        n = len(positions)
+        shares = _equal_shares(n) if weights is None else _normalise(weights, n)
+        if shares is None:
+            return Solution.missing(Status.NO_TARGETS)
+        total = float(np.vdot(positions, positions))
+        if not math.isfinite(heading + total + shares[0]):  # a sum of squares: what is not finite stays
+            return Solution.missing(Status.INVALID_INPUT)
+        center = (shares @ positions).tolist()
+        square_distance = total / n if weights is None else float(np.vdot(shares[:, None] * positions, positions))
+        offset = lateral_offset(center[0], center[1], heading)  # linear: the offset of the mean is the mean offset
+        if self.objective == "difference":
+            criterion = self._inertia_difference(offset, square_distance, last_radius)
+        else:
+            criterion = self._condition_number(offset, square_distance, last_radius)
+        if not math.isfinite(criterion.center):
+            return Solution.missing(Status.INVALID_INPUT)
+        sides = self._turns(positions, heading)
+        return self._decide(criterion, sides) if sides else Solution.missing(Status.INFEASIBLE)
+
+    def _inertia_difference(self, offset: float, square_distance: float, last_radius: float | None) -> Criterion:
+        if last_radius is None or math.isinf(last_radius):
+            rho, last = 0.0, 0.0
+        else:
+            rho, last = self.change_weight, last_radius
+        half_curve = 1 + self.gamma + rho
+        center = ((1 + self.gamma) * offset + rho * last) / half_curve
+        constant = self.gamma * square_distance + rho * last**2 - half_curve * center**2
+        return Criterion(center, self.gamma / (2 * half_curve), 2 * half_curve, constant)
+
+    def _condition_number(self, offset: float, square_distance: float, last_radius: float | None) -> Criterion:
+        rho, last = (0.0, 0.0) if last_radius is None else (self.change_weight, 1 / last_radius)
+        half_curve = 2 * square_distance + rho
+        center = (2 * offset + rho * last) / half_curve if half_curve else 0.0  # on top of every AUV: straight on
+        return Criterion(center, 0.0, 2 * half_curve, 3 + rho * last**2 - half_curve * center**2)
+
+    def _turns(self, positions: Float[np.ndarray, "auvs 2"], heading: float) -> list[Side]:
+        """Return what the limits leave of right and left turns, as radii or curvatures."""
+        lower, upper = -self.max_radius, self.max_radius
+        limit = self.max_center_distance
+        if not (isinstance(limit, float) and math.isinf(limit)):
+            limits = np.asarray(limit, dtype=float)
+            if limits.ndim and len(limits) != len(positions):
+                raise ValueError(f"max_center_distance has {len(limits)} values for {len(positions)} AUVs: give one each, or one for all")
+            along = longitudinal_offset(positions[:, 0], positions[:, 1], heading)
+            offset = lateral_offset(positions[:, 0], positions[:, 1], heading)
+            room = limits**2 - along**2
+            if (room < 0).any():
+                return []
+            reach = np.sqrt(room)
+            lower, upper = max(lower, float((offset - reach).max())), min(upper, float((offset + reach).min()))
+        sides = radius_sides(lower, upper, self.min_radius)
+        return sides if self.objective == "difference" else curvature_sides(sides)
+
+    def _decide(self, criterion: Criterion, sides: list[Side]) -> Solution:
+        """Solve over the interval that spans both sides, then clip to one of them."""
+        hull = TurnProgram(criterion.center, criterion.threshold, sides[0][0], sides[-1][1])
+        scale = hull.scale
+        hull = hull.bounded(scale)
+        point = solve_scaled(self.compiled, hull, scale)
+        failed = not math.isfinite(point.x)
+        if failed:
+            point = hull.optimum()
+        side = TurnProgram(criterion.center, criterion.threshold, *hull.choose_side(point.x, sides))
+        limit = self._turning_limit(side)
+        x, reach = min(max(point.x, side.lower), side.upper), self.tolerance * scale
+        clipped = abs(x - limit) <= reach and side.presses(limit)
+        if clipped:
+            x = limit
+        program, point = (hull, point) if abs(x - point.x) <= reach and not clipped else (side, side.with_multipliers(x))
+        primal, dual, gap = program.certify(point)
+        accurate = max(primal, dual, math.sqrt(2 * gap)) <= reach
+        status = Status.SOLVER_FAILED if failed else Status.INACCURATE if not accurate else Status.CLIPPED if clipped else Status.OPTIMAL
+        value = criterion.scale * (0.5 * (x - criterion.center) ** 2 + criterion.threshold * abs(x)) + criterion.constant
+        return Solution(
+            x=np.array([x]),
+            objective=value,
+            primal_residual=primal,
+            dual_residual=criterion.scale * dual,
+            duality_gap=criterion.scale * gap,
+            status=status,
+        )
+
+    def _turning_limit(self, side: TurnProgram) -> float:
+        """Return the end of a side nearest to the tightest turn: for radii the one next to zero, for curvatures the other."""
+        small, large = sorted((side.lower, side.upper), key=abs)
+        limit = self.min_radius if self.objective == "difference" else 1 / self.min_radius
+        end = small if self.objective == "difference" else large
+        return end if abs(end) == limit else math.nan
+
+
+@cache
+def _equal_shares(n: int) -> Float[np.ndarray, " auvs"] | None:
+    return np.full(n, 1 / n) if n else None
+
+
+def _normalise(weights: Float[np.ndarray, " auvs"], n: int) -> Float[np.ndarray, " auvs"] | None:
+    """Return weights that sum to one (all nan if one of them is not finite), or nothing if no AUV counts."""
+    if len(weights) != n:
+        raise ValueError(f"there are {len(weights)} weights for {n} AUVs: give one for each")
+    if (weights < 0).any():
+        raise ValueError(f"weights must be zero or positive, got {weights.tolist()}")
+    total = float(weights.sum())
+    if total == 0:
+        return None
+    return weights / total if math.isfinite(total) else np.full(n, math.nan)

@@ -1,0 +1,105 @@
+"""The convex program behind path inertia, in one number: a soft threshold in a box, with its multipliers and its certificate."""
+
+import math
+from typing import NamedTuple
+
+Side = tuple[float, float]
+"""An interval of turns to one hand."""
+
+
+class Point(NamedTuple):
+    """A turn and the multipliers that go with it."""
+
+    x: float
+    sign: float  # of τ|x|: a subgradient, within ±τ
+    lower: float  # of lower <= x
+    upper: float  # of x <= upper
+
+
+class Certificate(NamedTuple):
+    """How far a point is from optimal, from the program itself: violated limits, Lagrangian gradient and duality gap."""
+
+    primal: float
+    dual: float
+    gap: float
+
+
+class TurnProgram(NamedTuple):
+    r"""Minimise ½(x − c)² + τ|x| subject to lower ≤ x ≤ upper, x a signed radius [m] or a curvature [1/m].
+
+    Both objectives of path inertia are this one after division by half their second derivative. With multipliers v, μ, η of |x| and of the
+    two limits, the Lagrangian's gradient is x − z, z = c − v + μ − η, and the duality gap a sum of terms that are each ≥ 0:
+
+    .. math:: \tfrac12 (x - z)^2 + (\tau|x| - v x) + \mu (x - \mathrm{lower}) + \eta (\mathrm{upper} - x)
+
+    The objective being strongly convex, no feasible x is farther than √(2 gap) from the optimum.
+    """
+
+    center: float
+    threshold: float
+    lower: float
+    upper: float
+
+    @property
+    def scale(self) -> float:
+        """Size of the numbers in it: dividing all by it leaves the same program, which solvers find easier."""
+        return max(abs(self.center), self.threshold, self.lower, -self.upper) or 1.0
+
+    def bounded(self, room: float) -> "TurnProgram":
+        """Return the same program with finite limits: the optimum lies between 0 and c, or at the limit next to them; room is left."""
+        reach = abs(self.center)
+        lower = max(self.lower, min(-reach, self.upper) - room)
+        return TurnProgram(self.center, self.threshold, lower, min(self.upper, max(reach, self.lower) + room))
+
+    def optimum(self) -> Point:
+        """Solve by hand: shrink the centre by the threshold, then keep to the limits."""
+        shrunk = math.copysign(max(abs(self.center) - self.threshold, 0.0), self.center)
+        return self.with_multipliers(min(max(shrunk, self.lower), self.upper))
+
+    def with_multipliers(self, x: float) -> Point:
+        """Recover the multipliers at x: the subgradient of |x|, and what remains where a limit is touched."""
+        pull = self.center - x
+        sign = math.copysign(self.threshold, x) if x else min(max(pull, -self.threshold), self.threshold)
+        rest = pull - sign
+        return Point(x, sign, max(-rest, 0.0) if x == self.lower else 0.0, max(rest, 0.0) if x == self.upper else 0.0)
+
+    def certify(self, point: Point) -> Certificate:
+        """Return the residuals of a point; its multipliers are first made feasible, so that the gap bounds the error."""
+        x = min(max(point.x, self.lower), self.upper)
+        sign = min(max(point.sign, -self.threshold), self.threshold)
+        lower, upper = max(point.lower, 0.0), max(point.upper, 0.0)
+        gradient = x - self.center + sign - lower + upper
+        slack = self.threshold * abs(x) - sign * x
+        slack += lower and lower * (x - self.lower)  # 0 * inf is not 0
+        slack += upper and upper * (self.upper - x)
+        return Certificate(abs(point.x - x), abs(gradient), 0.5 * gradient**2 + slack)
+
+    def presses(self, limit: float) -> bool:
+        """Whether the objective still falls beyond this limit."""
+        slope = limit - self.center + math.copysign(self.threshold, limit)
+        return slope > 0 if limit == self.lower else slope < 0
+
+    def choose_side(self, x: float, sides: list[Side]) -> Side:
+        """Return the side x is on; from the gap between two, the side whose end is the better turn, left (+) if equally good.
+
+        The objective falls towards the convex optimum x from both ends, so the better end is the exact optimum outside the gap. The
+        comparison is the difference of the two objectives, factored: with a gap symmetric about zero it is the sign of c, to the last bit.
+        """
+        right, left = sides[0], sides[-1]
+        if x <= right[1]:
+            return right
+        width, middle = left[0] - right[1], left[0] + right[1]
+        if x < left[0] and self.center * width < middle * (0.5 * width + self.threshold):
+            return right
+        return left
+
+
+def radius_sides(lower: float, upper: float, min_radius: float) -> list[Side]:
+    """Return the signed radii within limits that the vehicle can turn [m]: right, left, either or none."""
+    right, left = (lower, min(upper, -min_radius)), (max(lower, min_radius), upper)
+    return [side for side in (right, left) if side[0] <= side[1]]
+
+
+def curvature_sides(sides: list[Side]) -> list[Side]:
+    """Return the same turns as curvatures [1/m]; straight ahead is zero."""
+    return [(1 / upper, 1 / lower) for lower, upper in sides]
