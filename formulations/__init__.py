@@ -26,6 +26,8 @@ _HOME = {
     "longitudinal_offset": "path_inertia",
     "path_inertia_curvature": "path_inertia",
     "path_inertia_radius": "path_inertia",
+    "InformationBound": "information",
+    "information_bound": "information",
     "path_information": "information",
     "position_rms": "information",
     "position_schur_complement": "metrics",
