@@ -91,7 +91,7 @@ class Run:
         dt, scenario = self.scenario.table.time_step, self.scenario
         Q = np.stack([np.diag(row**2 * dt) for row in scenario.process_noise(assumed=True)])
         F = np.stack([transitions(scenario.auv_model, states[:-1], dt) for states in self.truth])
-        return posterior_cramer_rao(self.covariance[:, 0], F, Q, self._information())
+        return posterior_cramer_rao(self.covariance[:, 0], F, Q[:, None], self._information())
 
     def _information(self) -> Float[np.ndarray, "auvs steps 4 4"]:
         """What heading and range measured on arriving at each sample after the first tell of the state."""

@@ -8,6 +8,27 @@ from pydantic import BaseModel, ValidationError
 from obsplan.scenario.tables import ScenarioTable
 from obsplan.types import ObsplanError
 
+REASONS = {  # where pydantic's words are Python's and not the file's
+    "model_type": "must be a table with keys of its own",
+    "model_attributes_type": "must be a table with keys of its own",
+    "tuple_type": "must be a list, [ ... ]",
+    "too_short": "has too few entries",
+    "too_long": "has too many entries",
+    "string_type": "must be text in quotes",
+    "string_pattern_mismatch": "must begin with a letter or digit and have no other characters",
+    "float_type": "must be a number",
+    "int_type": "must be a whole number",
+}
+
+
+def as_toml(value: object) -> str:
+    """A value as the user wrote it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return f"[{', '.join(as_toml(v) for v in value)}]"
+    return f'"{value}"' if isinstance(value, str) else str(value)
+
 
 def as_error(source: str, error: ValidationError) -> ObsplanError:
     """The first fault found, as an error that names file, key, value and remedy."""
@@ -25,9 +46,9 @@ def as_error(source: str, error: ValidationError) -> ObsplanError:
     if fault["type"] == "union_tag_invalid":
         tag = str((fault.get("ctx") or {}).get("tag"))
         return ObsplanError(f'{source}: {key}.kind = "{tag}" is not known; {nearest(tag, kinds(field))}')
-    reason = fault["msg"].replace("Input should be", "must be").replace("Value error, ", "").replace("Input should have", "must have")
-    value = "" if isinstance(fault["input"], dict | list) else f" = {fault['input']!r}"
-    return ObsplanError(f"{source}: {key}{value}{about}: {reason[0].lower() + reason[1:]}")
+    reason = REASONS.get(fault["type"], fault["msg"].replace("Input should be", "must be"))
+    value = "" if isinstance(fault["input"], dict) else f" = {as_toml(fault['input'])}"
+    return ObsplanError(f"{source}: {key}{value}{about}: {reason}")
 
 
 def nearest(word: str, known: list[str]) -> str:

@@ -25,7 +25,7 @@ def table_of(cls: type, name: str, *, kind: str, optional: tuple[str, ...] = (),
 
     A field's description is the string in its ``Annotated`` type. Fields in ``optional`` may be left out and are then None.
     """
-    keys: dict[str, Any] = {"kind": (Literal[kind], kind)}
+    keys: dict[str, Any] = {"kind": (Literal[kind], Field(default=kind, description="which one"))}
     hints = get_type_hints(cls, include_extras=True)
     for f in fields(cls):
         if f.name in omit:
@@ -65,7 +65,7 @@ class Cna(Table):
 class MissionSurvey(Table):
     """A survey read from a mission file."""
 
-    kind: Literal["mission"]
+    kind: Literal["mission"] = Field(default="mission", description="which one")
     file: str = Field(description="GeoJSON, QGroundControl .plan or CSV file; relative to the scenario file")
     track: str | None = Field(default=None, description="name of the track, where the file has several; default: the first")
 
@@ -153,6 +153,7 @@ class ScenarioTable(Table):
     """A whole scenario file."""
 
     name: str = Field(default="scenario", pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", description="letters, digits, dots and hyphens")
+    description: str = Field(default="", description="one line for lists")
     seed: int = Field(default=1, ge=0, description="of all random numbers")
     time_step: Positive = Field(default=0.5, description="of simulation, heading measurements and records [s]")
     duration: Positive | None = Field(default=None, description="of the mission [s]; default: until the last survey is done")

@@ -1,0 +1,182 @@
+"""``obsplan ...``: the command line. What a command needs is imported when it runs."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+app = typer.Typer(
+    help="Plan the path of an aid vehicle so that AUVs measuring only acoustic range to it know where they are.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+
+ScenarioName = Annotated[str, typer.Argument(metavar="SCENARIO", help="A scenario file, or the name of a shipped one.")]
+PlannerName = Annotated[str | None, typer.Option("--planner", help="Replace the scenario's planner.")]
+Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Of all random numbers; default: the scenario's.")]
+Settings = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change one key; may be repeated.")]
+Out = Annotated[Path | None, typer.Option("--out", help="Folder to make; default: ./NAME, then ./NAME-2, ...")]
+
+
+@app.command()
+def run(scenario: ScenarioName, planner: PlannerName = None, seed: Seed = None, settings: Settings = None, out: Out = None) -> None:
+    """Simulate a survey: plan the aid vehicle's path, estimate, report, write files a vehicle can load."""
+    from obsplan.report import free_folder, run_table, verdicts, write_run
+    from obsplan.scenario import load
+    from obsplan.simulation import simulate
+
+    loaded = load(scenario, planner=planner, settings=settings or ())
+    folder = free_folder(out, loaded.table.name)
+    with progress_bar(f"{loaded.table.name}, {loaded.table.planner.kind}") as advance:
+        flown = simulate(loaded, seed=seed, progress=advance)
+    write_run(flown, folder)
+    show(run_table(flown))
+    for sentence in verdicts(flown):
+        say(sentence)
+    say(
+        f"Written to {folder}{'' if folder.is_absolute() else '/'}: map.png, errors.png, path.waypoints, path.geojson, tracks.csv and more."
+    )
+
+
+@app.command()
+def compare(
+    scenario: ScenarioName,
+    planners: Annotated[str | None, typer.Option("--planners", metavar="A,B,...", help="Planners to compare; default: all.")] = None,
+    runs: Annotated[int, typer.Option("--runs", min=1, help="Seeds per planner; the same for each of them.")] = 1,
+    seed: Seed = None,
+    settings: Settings = None,
+    out: Out = None,
+) -> None:
+    """Compare planners on one scenario under the same noise: the thesis's Tables 5.1 and 5.2 for any survey."""
+    from obsplan.planners import PLANNERS
+    from obsplan.report import compare_table, free_folder, write_comparison
+    from obsplan.scenario import load
+    from obsplan.simulation import simulate
+
+    names = planners.split(",") if planners else list(PLANNERS)
+    loaded = {name: load(scenario, planner=name, settings=settings or ()) for name in dict.fromkeys(names)}
+    table = next(iter(loaded.values())).table
+    folder = free_folder(out, f"{table.name}-compare")
+    first = table.seed if seed is None else seed
+    rows: list[dict[str, Any]] = []
+    with progress_bar(f"{table.name}, {len(loaded)} planners") as advance:
+        for name, one in loaded.items():
+            for number in range(first, first + runs):
+                rows.append({"planner": name, "seed": number, **simulate(one, seed=number).summary()["all"]})
+                advance(len(rows), runs * len(loaded))
+    write_comparison(rows, folder, title=f"{table.name}, {runs} runs each")
+    show(compare_table(rows))
+    say(f"Written to {folder}{'' if folder.is_absolute() else '/'}: compare.csv, compare.png.")
+
+
+@app.command()
+def new(
+    mission_file: Annotated[Path, typer.Argument(metavar="MISSION_FILE", help="GeoJSON, QGroundControl .plan or CSV.")],
+    out: Annotated[Path | None, typer.Option("--out", help="Scenario file to write; default: the mission file's name with .toml.")] = None,
+) -> None:
+    """Write a commented scenario around your own survey, ready to run."""
+    from obsplan.files import write_atomically
+    from obsplan.scenario import load
+    from obsplan.scenario.template import scenario_text
+    from obsplan.types import ObsplanError
+
+    path = out or Path(f"{mission_file.stem}.toml")
+    if path.suffix != ".toml":
+        raise ObsplanError(f"--out {path}: a scenario file ends in .toml; write {path}.toml")
+    if path.exists():
+        raise ObsplanError(f"{path} exists and is not overwritten; give another name with --out")
+    write_atomically(path, scenario_text(mission_file, path))
+    try:
+        duration = load(path).time[-1]
+    except ObsplanError:
+        path.unlink()
+        raise
+    say(f"Wrote {path}: a mission of {duration / 60:.0f} minutes. Next: obsplan run {path}")
+
+
+@app.command()
+def scenarios() -> None:
+    """List the scenarios that come with obsplan."""
+    from obsplan.scenario import load, shipped
+
+    for name in shipped():
+        loaded = load(name)
+        auvs, minutes = len(loaded.table.auv), loaded.time[-1] / 60
+        say(f"{name:20} {auvs} AUV{'s' if auvs > 1 else ' '}  {minutes:6.1f} min  {loaded.table.description}")
+
+
+@app.command()
+def schema(json: Annotated[bool, typer.Option("--json", help="As JSON Schema, for editors.")] = False) -> None:
+    """List every key a scenario file may have, with its type, default, unit and meaning."""
+    from obsplan.scenario.schema import json_schema, sections
+
+    if json:
+        import json as writer
+
+        print(writer.dumps(json_schema(), indent=2))  # noqa: T201 - for another program to read
+        return
+    for path, rows in sections():
+        say(f"\n[{path}]" if path else "Top of the file")
+        for key, kind, default, description in rows:
+            say(f"  {key:18} {kind}{f', default {default}' if default not in ('', 'required') else ', required' if default else ''}")
+            say(f"  {'':18} {description}")
+
+
+@contextmanager
+def progress_bar(title: str) -> Iterator[Any]:
+    """A bar on standard error while it is a terminal, nothing in a pipe; gives the function to call with (done, all)."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    bar: Progress = Progress(console=console, transient=True, disable=not console.is_terminal)
+    with bar:
+        task = bar.add_task(title, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def show(table: Any) -> None:
+    """Print a table, never narrower than it needs in a pipe."""
+    from rich.console import Console
+
+    console = Console()
+    Console(width=None if console.is_terminal else 160, soft_wrap=False).print(table)
+
+
+def say(text: str) -> None:
+    """Print a line."""
+    typer.echo(text)
+
+
+def main() -> None:
+    """Run the command line: exit code 0 done, 2 what the user gave is wrong, 130 interrupted."""
+    try:
+        code = app(standalone_mode=False)
+    except (KeyboardInterrupt, typer.Abort):
+        typer.echo("obsplan: interrupted; nothing was written", err=True)
+        sys.exit(130)
+    except Exception as error:
+        message = fault(error)
+        if message is None:
+            raise  # ours: the traceback is what we need to mend it
+        typer.echo(f"obsplan: {message}", err=True)
+        sys.exit(2)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def fault(error: Exception) -> str | None:
+    """What the user gave that is wrong, or None if the fault is ours."""
+    from obsplan.types import ObsplanError
+
+    if isinstance(error, ObsplanError):
+        return str(error)
+    message = getattr(error, "format_message", None)  # of the command line's own parser
+    return f"{message().rstrip('.')}; see obsplan --help" if message else None
