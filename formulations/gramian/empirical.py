@@ -59,8 +59,7 @@ def empirical_gramian(
 
 def _outputs(simulate: Callable[[Any], Any], x0: np.ndarray) -> np.ndarray:
     """Simulate once, and take the outputs out of CasADi if need be."""
-    y = simulate(x0)
-    y = np.asarray(y.full() if hasattr(y, "full") else y, dtype=float)
+    y = np.asarray(simulate(x0), dtype=float)
     if y.ndim < 2:
         raise ValueError(f"simulate must return outputs of shape (samples, outputs), got {y.shape}; one output is a column y[:, None]")
     return y
