@@ -21,7 +21,7 @@ Entries = tuple[Any, ...]
 def score_expression(name: str, entries: Entries, *, blend_weight: float = BLEND_WEIGHT) -> Expression:
     """Return the metric called ``name`` for a minimiser, as ``metrics.score`` does: lower is better, inf where W is singular or not finite.
 
-    Singular is a pivot of L D Lᵀ at most n·eps times the diagonal entry it came from, or λmin at most n·eps times λmax.
+    The rule for singular is the same. A pivot that is rounding needs no test of its own: λmin is no larger.
     Raises ValueError for an unknown name, or unless there are 3 or 6 entries.
     """
     check_metric(name)
@@ -60,21 +60,21 @@ def position_schur_expression(entries: Entries) -> Entries:
 
 
 def _invert2(w11, w12, w22) -> tuple[Any, Entries, Entries]:
-    """Return where every pivot is regular, the pivots, and the entries of W⁻¹; a pivot that is not regular counts as 1."""
-    regular, d1 = _pivot(w11, w11, 2)
+    """Return where every pivot is positive, the pivots, and the entries of W⁻¹; a pivot that is not counts as 1."""
+    regular, d1 = _pivot(w11)
     l21 = w12 / d1
-    regular2, d2 = _pivot(w22 - l21 * w12, w22, 2)
+    regular2, d2 = _pivot(w22 - l21 * w12)
     return ca.logic_and(regular, regular2), (d1, d2), (1.0 / d1 + l21 * l21 / d2, -l21 / d2, 1.0 / d2)
 
 
 def _invert3(w11, w12, w13, w22, w23, w33) -> tuple[Any, Entries, Entries]:
     """Return what ``_invert2`` does, for three states; (a, -l32, 1) is the last row of L⁻¹."""
-    regular1, d1 = _pivot(w11, w11, 3)
+    regular1, d1 = _pivot(w11)
     l21, l31 = w12 / d1, w13 / d1
-    regular2, d2 = _pivot(w22 - l21 * w12, w22, 3)
+    regular2, d2 = _pivot(w22 - l21 * w12)
     s23 = w23 - l21 * w13
     l32 = s23 / d2
-    regular3, d3 = _pivot(w33 - l31 * w13 - l32 * s23, w33, 3)
+    regular3, d3 = _pivot(w33 - l31 * w13 - l32 * s23)
     a = l21 * l32 - l31
     inverse = (
         1.0 / d1 + l21 * l21 / d2 + a * a / d3,
@@ -87,10 +87,10 @@ def _invert3(w11, w12, w13, w22, w23, w33) -> tuple[Any, Entries, Entries]:
     return ca.logic_and(ca.logic_and(regular1, regular2), regular3), (d1, d2, d3), inverse
 
 
-def _pivot(pivot, diagonal, n):
-    """Return whether the pivot stands clear of the rounding of the diagonal entry it came from, and a pivot safe to divide by."""
-    regular = pivot > n * EPS * diagonal
-    return regular, ca.if_else(regular, pivot, 1.0)
+def _pivot(pivot):
+    """Return whether the pivot is positive (not where it is nan), and a pivot safe to divide by."""
+    positive = pivot > 0
+    return positive, ca.if_else(positive, pivot, 1.0)
 
 
 def _largest_eigenvalue(entries):

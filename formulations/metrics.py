@@ -135,7 +135,7 @@ def position_schur_complement(W: Float[np.ndarray, "*batch n n"], keep: int = 2)
     n = W.shape[-1]
     if not 1 <= keep <= n:
         raise ValueError(f"keep must be between 1 and the {n} states of W, got {keep}")
-    W, _ = _finite_or_zero(W)
+    W = _finite_or_zero(W)
     A, B, D = W[..., :keep, :keep], W[..., :keep, keep:], W[..., keep:, keep:]
     scale = np.sqrt(np.maximum(np.diagonal(D, axis1=-2, axis2=-1), 0.0))
     inverse_scale = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
@@ -148,13 +148,12 @@ def position_schur_complement(W: Float[np.ndarray, "*batch n n"], keep: int = 2)
 
 def _spectrum(W: Float[np.ndarray, "*batch n n"]) -> tuple[Float[np.ndarray, "*batch n"], Bool[np.ndarray, "*batch"]]:
     """Return the ascending eigenvalues (ones where singular) and where W is singular."""
-    W, finite = _finite_or_zero(W)
-    eigenvalues = np.linalg.eigvalsh(W)
-    regular = finite & (eigenvalues[..., 0] > W.shape[-1] * EPS * eigenvalues[..., -1])
+    eigenvalues = np.linalg.eigvalsh(_finite_or_zero(W))
+    regular = eigenvalues[..., 0] > W.shape[-1] * EPS * eigenvalues[..., -1]
     return np.where(regular[..., None], eigenvalues, 1.0), np.asarray(~regular)
 
 
-def _finite_or_zero(W: Float[np.ndarray, "*batch n n"]) -> tuple[Float[np.ndarray, "*batch n n"], Bool[np.ndarray, "*batch"]]:
-    """Replace every matrix that holds a nan or an infinity by zero, and say which were finite."""
-    finite = np.asarray(np.isfinite(W).all(axis=(-2, -1)))
-    return np.where(finite[..., None, None], W, 0.0), finite
+def _finite_or_zero(W: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*batch n n"]:
+    """Replace every matrix that holds a nan or an infinity by zero, which is singular."""
+    finite = np.isfinite(W).all(axis=(-2, -1), keepdims=True)
+    return np.where(finite, W, 0.0)

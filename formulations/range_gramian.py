@@ -15,6 +15,7 @@ information by the variances R of the two outputs: of white noise in continuous 
 A range, not squared, has this Jacobian over 2‖p(t)‖, which is no polynomial: freeze the distance d and take the variance 4 d² σ².
 """
 
+from functools import cache
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -72,11 +73,14 @@ def displacement_moments(speed: float, turn_rates: Float[np.ndarray, " K"], hori
 def _moments_by_parts(z: Float[np.ndarray, " K"]) -> Float[np.ndarray, "5 3 K"]:
     """Return the moments of a unit displacement, E_k by integration by parts: E_k = (exp(iz) - k E_{k-1}) / (iz)."""
 
-    def e(k: int, z: Float[np.ndarray, " K"]) -> np.ndarray:
-        return (np.exp(1j * z) - (k * e(k - 1, z) if k else 1.0)) / (1j * z)
+    def integrate(z: Float[np.ndarray, " K"]) -> np.ndarray:
+        turned = np.exp(1j * z)
+        e0 = (turned - 1.0) / (1j * z)
+        e1 = (turned - e0) / (1j * z)
+        return np.stack([e0, e1, (turned - 2.0 * e1) / (1j * z)])
 
-    cos1, cos2 = (np.stack([np.real(e(k, a * z)) for k in range(3)]) for a in (1.0, 2.0))
-    sin1, sin2 = (np.stack([np.imag(e(k, a * z)) for k in range(3)]) for a in (1.0, 2.0))
+    single, double = integrate(z), integrate(2.0 * z)
+    cos1, sin1, cos2, sin2 = np.real(single), np.imag(single), np.real(double), np.imag(double)
     one = 1.0 / np.arange(1.0, 4.0)[:, None]
     first = np.stack([sin1, one - cos1]) / z
     second = np.stack([(one - cos2) / 2, sin1 - sin2 / 2, 1.5 * one - 2 * cos1 + cos2 / 2]) / z**2
@@ -84,10 +88,15 @@ def _moments_by_parts(z: Float[np.ndarray, " K"]) -> Float[np.ndarray, "5 3 K"]:
 
 
 def _moments_by_series(z: Float[np.ndarray, " K"]) -> Float[np.ndarray, "5 3 K"]:
-    """Return the moments of a unit displacement from the Taylor coefficients of sin, 1 - cos and their products."""
-    n = np.arange(SERIES_TERMS)
+    """Return the moments of a unit displacement from its Taylor series in z."""
+    return _series_coefficients() @ z ** np.arange(SERIES_TERMS)[:, None]
+
+
+@cache
+def _series_coefficients() -> Float[np.ndarray, "5 3 N"]:
+    """Integrate sin θ, 1 - cos θ and their products term by term, θ = zs, times s^k; over z, the products over z²."""
+    n = np.arange(SERIES_TERMS + 2)
     sign, even, doubled = (-1.0) ** (n // 2), n % 2 == 0, 2.0 ** (n - 1.0)
-    factorial = np.cumprod(np.maximum(n, 1), dtype=float)
     taylor = np.stack(
         [
             np.where(even, 0.0, sign),  # sin θ
@@ -97,12 +106,9 @@ def _moments_by_series(z: Float[np.ndarray, " K"]) -> Float[np.ndarray, "5 3 K"]
             np.where(even & (n >= 4), sign * (doubled - 2.0), 0.0),  # (1 - cos θ)² = 3/2 - 2 cos θ + cos 2θ / 2
         ]
     )
-    taylor = taylor / factorial
-    over = 1.0 / (n + np.arange(1, 4)[:, None])  # ∫ s^(n+k) ds
-    powers = z ** n[:, None]
-    first = np.einsum("an,kn,nK->akK", taylor[:2, 1:], over[:, 1:], powers[:-1])
-    second = np.einsum("an,kn,nK->akK", taylor[2:, 2:], over[:, 2:], powers[:-2])
-    return np.concatenate([first, second])
+    factorial = np.cumprod(np.maximum(n, 1), dtype=float)
+    integrated = taylor[:, None, :] / factorial / (n + np.arange(1, 4)[:, None])
+    return np.concatenate([integrated[:2, :, 1:-1], integrated[2:, :, 2:]])
 
 
 def gramian_entries(

@@ -179,6 +179,24 @@ def test_weak_nuisance_beside_a_strong_one_is_not_taken_for_rounding():
     assert score("condition-number", S) == np.inf
 
 
+def test_nuisance_seen_at_the_edge_of_rounding_is_not_dropped():
+    """x1 is seen only beside 1.5e-8·(n1 - n2), a direction that two other outputs leave 4.5e-16 of: at least part of it must be lost."""
+    J = np.array([[1.0, 0, 1.5e-8, -1.5e-8], [0, 1.0, 0, 0], [0, 0, 1.0, 1.0]])
+    assert position_schur_complement(J.T @ J)[0, 0] < 0.8
+
+
+@pytest.mark.parametrize("weak", [0, 1])
+def test_what_a_large_nuisance_leaves_is_judged_against_what_it_took(weak):
+    """One position is seen weakly by itself, the other only with the heading, strongly: rounding of the strong must not pass for weak."""
+    for seed in range(200):
+        strong = 1e5 * np.random.default_rng(seed).uniform(0.5, 1.0, size=2)
+        J = np.zeros((2, 3))
+        J[0, weak], J[1, 1 - weak], J[1, 2] = 0.03, *strong
+        W = J.T @ J
+        assert score("condition-number", position_schur_complement(W)) == np.inf
+        assert score_expression("condition-number", position_schur_expression(entries(W[None]))) == np.inf
+
+
 def test_position_without_information_of_its_own_has_a_singular_complement_not_noise():
     """Rank-one W: the complement is zero, and what cancellation leaves must not pass for a well-conditioned matrix."""
     for seed in range(200):
