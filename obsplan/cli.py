@@ -4,12 +4,9 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
-
-if TYPE_CHECKING:
-    from rich.progress import Progress
 
 app = typer.Typer(
     help="Plan the path of an aid vehicle so that AUVs measuring only acoustic range to it know where they are.",
@@ -137,7 +134,7 @@ def progress_bar(title: str) -> Iterator[Any]:
     from rich.progress import Progress
 
     console = Console(stderr=True)
-    bar: Progress = Progress(console=console, transient=True, disable=not console.is_terminal)
+    bar = Progress(console=console, transient=True, disable=not console.is_terminal)
     with bar:
         task = bar.add_task(title, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -1,0 +1,163 @@
+"""Scenario files: what is accepted, and the one sentence that answers everything else."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from obsplan.scenario import from_dict, load, replanned, shipped
+from obsplan.scenario.files import read
+from obsplan.scenario.schema import json_schema, sections
+from obsplan.types import ObsplanError
+
+ORIGIN = {"lat": 47.6, "lon": -122.3}
+CNA = {"speed": 1.0, "min_turn_radius": 0.5}
+LINE = {"kind": "waypoints", "points": [[0.0, 0.0], [100.0, 0.0]]}
+SMALL = {"origin": ORIGIN, "cna": CNA, "auv": [{"speed": 1.0, "survey": LINE}]}
+
+BAD_SETTINGS = {
+    "cna.sped=1": 'unknown key cna.sped; did you mean "speed"',
+    "plannr.kind=1": 'unknown key plannr; did you mean "planner"',
+    "planner.foo=1": "unknown key planner.foo; known are gamma",
+    "auv.0.survey.foo=2": "unknown key auv.0.survey.foo; known are file",
+    "planner.kind=gramain": 'planner.kind = "gramain" is not known; did you mean "gramian"',
+    "auv.0.survey.kind=lawn": 'did you mean "lawnmower"',
+    "auv.0.survey={}": "auv.0.survey.kind is missing; give one of lawnmower, waypoints",
+    "cna.speed=true": r"cna.speed = true \(cruising speed \[m/s\]\): must be a number",
+    "cna.speed=fast": 'cna.speed = "fast" .* must be a number',
+    "cna.speed=-1": r"cna.speed = -1 \(cruising speed \[m/s\]\): must be greater than 0",
+    "cna.min_turn_radius=nan": "cna.min_turn_radius = nan .* must be a finite number",
+    "cna.min_turn_radius=inf": "must be a finite number",
+    "seed=1.5": "seed = 1.5 .* must be a whole number",
+    "seed=-1": "seed = -1 .* must be greater than or equal to 0",
+    "auv=[]": r"auv = \[\] .* has too few entries",
+    "cna=3": "cna = 3: must be a table",
+    "auv.7.speed=1": "7 is not one of the 2 entries, which count from 0",
+    "auv.0.speed.x=1": "x is not a key, because the entry above it is a value",
+    "auv.0.name=bravo": r"auv: the names \['bravo', 'bravo'\] are not all different; rename one",
+    'auv.0.survey={kind="waypoints",points=[[0.0,0.0],[0.0,0.0]]}': r"auv.0.survey: waypoints 0 and 1 are identical",
+    'auv.0.survey={kind="waypoints",points=[]}': r"auv.0.survey: ",
+    'auv.1.survey={kind="formation",leader="x"}': r'leader "x" is not an AUV listed before "bravo"',
+    "auv.0.survey.file=harbour.plan": 'did you mean "harbor.plan"',
+    "auv.0.survey.track=nope": 'harbor.plan has no track "nope"; it has harbor',
+    "ranging.interval=0.7": "ranging.interval: 0.7 s is not a whole multiple of time_step = 0.5 s",
+    "planner.interval=0.2": "planner.interval: 0.2 s is not a whole multiple",
+    "planner.gamma=-1": "planner: gamma must be at least 0 and finite, got -1",
+    "environment.current=[3.0,0.0]": "current .* is too strong",
+    "origin.lat=95": r"origin.lat = 95 \(latitude \[deg\], WGS84\): must be less than or equal to 90",
+    'name="a/b"': r'name = "a/b" \(letters, digits, dots and hyphens\)',
+    "time_step=1e-9": "time_step: 1e-09 s makes .* steps",
+    "cna.speed": "has no value; write table.key=value",
+    "=3": "has no value; write table.key=value",
+}
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_shipped_scenario_loads_and_says_what_it_is(name):
+    scenario = load(name)
+    assert scenario.table.name == name
+    assert scenario.table.description
+    assert scenario.time[-1] > 0
+
+
+@pytest.mark.parametrize(("setting", "message"), BAD_SETTINGS.items(), ids=BAD_SETTINGS)
+def test_wrong_setting_is_one_sentence_with_key_value_and_remedy(setting, message):
+    with pytest.raises(ObsplanError, match=message) as caught:
+        load("harbor-survey", settings=[setting])
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("missing", ["origin", "cna", "auv"])
+def test_missing_table_is_named(missing):
+    data = {key: value for key, value in SMALL.items() if key != missing}
+    with pytest.raises(ObsplanError, match=f"{missing} is missing"):
+        from_dict(data)
+
+
+def test_static_survey_needs_a_duration():
+    data = {**SMALL, "auv": [{"survey": {"kind": "static"}}]}
+    with pytest.raises(ObsplanError, match="duration: is missing, and no AUV moves"):
+        from_dict(data)
+    assert from_dict({**data, "duration": 2.0}).time[-1] == 2.0
+
+
+def test_unknown_names_suggest_the_nearest(tmp_path):
+    with pytest.raises(ObsplanError, match=r'no scenario "harbour-survey" .* did you mean "harbor-survey"'):
+        load("harbour-survey")
+    with pytest.raises(ObsplanError, match='no planner "circl"; did you mean "circle"'):
+        load("harbor-survey", planner="circl")
+    with pytest.raises(ObsplanError, match="no such file"):
+        load(tmp_path / "none.toml")
+    with pytest.raises(ObsplanError, match="is a folder"):
+        load(tmp_path)
+
+
+def test_file_that_is_no_toml_is_refused(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ObsplanError, match="is not text in UTF-8"):
+        load(path)
+    path.write_text("[cna\nspeed = 1")
+    with pytest.raises(ObsplanError, match="is not valid TOML"):
+        load(path)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.binary(max_size=60))
+def test_rubbish_gives_nothing_but_our_error(tmp_path_factory, content):
+    path = tmp_path_factory.mktemp("rubbish") / "a.toml"
+    path.write_bytes(content)
+    with pytest.raises(ObsplanError) as caught:
+        from_dict(read(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_planner_is_replaced_at_the_same_interval_and_knowledge():
+    original = load("survey-slow")
+    other = load("survey-slow", planner="path-inertia", settings=["planner.gamma=0.25"])
+    assert (other.table.planner.interval, other.table.planner.knowledge) == (original.table.planner.interval, "truth")
+    assert other.planner().gamma == 0.25
+    assert replanned(original, "path-inertia").table.planner.gamma == 1.0
+
+
+def test_settings_reach_into_lists_and_keep_their_types():
+    scenario = load("harbor-survey", settings=["auv.1.speed=0.9", "environment.current=[0.1, -0.1]", "name=other"])
+    assert scenario.table.auv[1].speed == 0.9
+    assert scenario.table.environment.current == (0.1, -0.1)
+    assert scenario.table.name == "other"
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_resolved_scenario_is_the_same_scenario(name):
+    scenario = load(name)
+    again = from_dict(scenario.resolved())
+    assert again.resolved() == scenario.resolved()
+    for a, b in zip(scenario.references, again.references, strict=True):
+        np.testing.assert_array_equal(a.polyline, b.polyline)
+
+
+def test_circle_just_encloses_every_survey():
+    circle = load("harbor-survey", planner="circle").planner()
+    points = np.concatenate([reference.polyline for reference in load("harbor-survey").references])
+    distance = np.hypot(*(points - circle.center).T)
+    assert distance.max() == pytest.approx(circle.radius, rel=1e-9)
+    assert (np.isclose(distance, circle.radius, rtol=1e-6)).sum() >= 2  # it touches, so none smaller has this centre
+
+
+def test_first_estimate_is_drawn_where_it_is_not_given():
+    scenario = from_dict({**SMALL, "auv": [{**SMALL["auv"][0], "first_estimate": {"x": 3.0, "heading_deg": 45.0, "sigma_position": 2.0}}]})
+    truth, error = np.array([[1.0], [2.0], [0.1], [1.0]]), np.array([[9.0], [0.5], [9.0], [-1.0]])
+    mean, covariance = scenario.first_estimates(truth, error)
+    np.testing.assert_allclose(mean[:, 0], [3.0, 2.0 + 2.0 * 0.5, math.pi / 4, 1.0 - 0.5])
+    np.testing.assert_allclose(np.diag(covariance[0]), [4.0, 4.0, np.deg2rad(2.0) ** 2, 0.25])
+
+
+def test_schema_lists_every_key_with_its_meaning():
+    rows = {f"{path}.{key}": (kind, default, text) for path, keys in sections() for key, kind, default, text in keys}
+    assert rows["cna.speed"] == ("number", "required", "cruising speed [m/s]")
+    assert rows['auv[].survey, kind = "lawnmower".side'][0] == '"left" | "right"'
+    assert all(text for _, _, text in rows.values())
+    assert "harbor" not in str(json_schema())
+    assert json_schema()["properties"]["time_step"]["exclusiveMinimum"] == 0
