@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from formulations.information import position_rms, posterior_cramer_rao, range_information, squared_range_information
+from formulations.information import (
+    InformationBound,
+    information_bound,
+    position_rms,
+    posterior_cramer_rao,
+    range_information,
+    squared_range_information,
+)
 from formulations.solution import Status
 from obsplan.estimators.jacobian import transitions
 from obsplan.scenario import Scenario
@@ -88,18 +95,44 @@ class Run:
     @cached_property
     def cramer_rao(self) -> Float[np.ndarray, "auvs samples 4 4"]:
         """Posterior Cramér-Rao bound along the true path, from the first covariance and the filter's process noise."""
-        dt, scenario = self.scenario.table.time_step, self.scenario
-        Q = np.stack([np.diag(row**2 * dt) for row in scenario.process_noise(assumed=True)])
-        F = np.stack([transitions(scenario.auv_model, states[:-1], dt) for states in self.truth])
-        return posterior_cramer_rao(self.covariance[:, 0], F, Q[:, None], self._information())
-
-    def _information(self) -> Float[np.ndarray, "auvs steps 4 4"]:
-        """What heading and range measured on arriving at each sample after the first tell of the state."""
-        J = np.zeros((len(self.names), self.time.size - 1, 4, 4))
-        J[..., 2, 2] = self.scenario.heading_sensor.sigma**-2
+        J = np.repeat(self._compass_information()[None], len(self.names), axis=0)
         gain = {"range": range_information, "squared-range": squared_range_information}[self.scenario.table.ranging.kind]
         pings = self.scenario.pings
         J[:, pings - 1, :2, :2] = gain(self.cna[pings, :2], self.truth[:, pings, :2], self.scenario.range_sensor.sigma)
+        return posterior_cramer_rao(self.covariance[:, 0], self._transitions, self._process_covariance[:, None], J)
+
+    @cached_property
+    def information_bounds(self) -> tuple[InformationBound, ...]:
+        """Per AUV, a certified lower bound on the mean square position error of every path of the aid vehicle.
+
+        It is of unbiased estimators from the first covariance on, along the true AUV trajectory. A squared range is worth more the farther:
+        there it holds for every path the aid vehicle can travel from its start.
+        """
+        pings, J = self.scenario.pings, self._compass_information()
+        parts = zip(self.covariance[:, 0], self._transitions, self._process_covariance, self._least_sigma(), strict=True)
+        return tuple(information_bound(P0, F, Q, J, pings=pings - 1, sigma=sigma) for P0, F, Q, sigma in parts)
+
+    def _least_sigma(self) -> Float[np.ndarray, "auvs pings"]:
+        """Smallest standard deviation of a range [m] that any path of the aid vehicle reaches at each ping."""
+        pings, sigma = self.scenario.pings, self.scenario.range_sensor.sigma
+        if self.scenario.table.ranging.kind == "range":
+            return np.full((len(self.names), pings.size), sigma)
+        start = np.hypot(*np.moveaxis(self.truth[:, pings, :2] - self.cna[0, :2], -1, 0))
+        return sigma / (2 * (start + self.scenario.cna.speed * self.time[pings]))
+
+    @cached_property
+    def _transitions(self) -> Float[np.ndarray, "auvs steps 4 4"]:
+        dt, model = self.scenario.table.time_step, self.scenario.auv_model
+        return np.stack([transitions(model, states[:-1], dt) for states in self.truth])
+
+    @cached_property
+    def _process_covariance(self) -> Float[np.ndarray, "auvs 4 4"]:
+        return np.stack([np.diag(row**2 * self.scenario.table.time_step) for row in self.scenario.process_noise(assumed=True)])
+
+    def _compass_information(self) -> Float[np.ndarray, "steps 4 4"]:
+        """What the heading measured on arriving at each sample after the first tells of the state."""
+        J = np.zeros((self.time.size - 1, 4, 4))
+        J[:, 2, 2] = self.scenario.heading_sensor.sigma**-2
         return J
 
     @property
@@ -108,28 +141,31 @@ class Run:
         codes, counts = np.unique(self.status[np.isfinite(self.status)], return_counts=True)
         return {Status(int(code)).label: int(count) for code, count in zip(codes, counts, strict=True)}
 
-    def summary(self) -> dict[str, Any]:
-        """Figures of merit over all AUVs and per AUV, in metres."""
+    def summary(self, *, bounds: bool = True) -> dict[str, Any]:
+        """Figures of merit over all AUVs and per AUV, in metres; ``bounds`` adds the certified bound, which takes a second or two per AUV."""
         from obsplan import __version__
 
-        per_auv = {name: self._figures(slice(i, i + 1)) for i, name in enumerate(self.names)}
+        per_auv = {name: self._figures(slice(i, i + 1), bounds) for i, name in enumerate(self.names)}
         return {
             "scenario": self.scenario.table.name,
             "planner": self.planner,
             "seed": self.seed,
             "version": __version__,
-            "all": self._figures(slice(None)),
+            "all": self._figures(slice(None), bounds),
             "auv": per_auv,
             "status_counts": self.status_counts,
         }
 
-    def _figures(self, auvs: slice) -> dict[str, float | None]:
+    def _figures(self, auvs: slice, bounds: bool) -> dict[str, float | None]:
         nees, separation = self.nees[auvs], self.separation[auvs]
+        achieved = np.sqrt(np.mean(position_rms(self.cramer_rao[auvs]) ** 2))
+        bound = np.sqrt(np.mean([b.bound for b in self.information_bounds[auvs]])) if bounds else np.nan
         figures = {
             "rms_error_m": np.sqrt(np.mean(self.error[auvs] ** 2)),
             "max_error_m": self.error[auvs].max(),
             "mean_nees": np.nan if np.isnan(nees).all() else np.nanmean(nees),
-            "pcrb_rms_m": np.sqrt(np.mean(position_rms(self.cramer_rao[auvs]) ** 2)),
+            "pcrb_rms_m": achieved,
+            **({"bound_rms_m": bound, "efficiency": bound / achieved if achieved > 0 else 1.0} if bounds else {}),
             "separation_mean_m": separation.mean(),
             "separation_max_m": separation.max(),
         }
