@@ -142,7 +142,7 @@ class Run:
         return {Status(int(code)).label: int(count) for code, count in zip(codes, counts, strict=True)}
 
     def summary(self, *, bounds: bool = True) -> dict[str, Any]:
-        """Figures of merit over all AUVs and per AUV, in metres; ``bounds`` adds the certified bound, which takes a second or two per AUV."""
+        """Figures of merit over all AUVs and per AUV, in metres; ``bounds`` adds the certified bound, a second or two per AUV."""
         from obsplan import __version__
 
         per_auv = {name: self._figures(slice(i, i + 1), bounds) for i, name in enumerate(self.names)}
