@@ -46,6 +46,16 @@ _HOME = {
     "trace_inverse": "metrics",
     "unobservability_index": "metrics",
     "unobservable_direction": "metrics",
+    "CircleVerdict": "ltv",
+    "circle_gramian": "ltv",
+    "fixed_auv_rate": "ltv",
+    "fixed_cna_rate": "ltv",
+    "ltv_gramian": "ltv",
+    "output_map": "ltv",
+    "recover_initial_state": "ltv",
+    "transition_matrix": "ltv",
+    "unobservable_subspace": "ltv",
+    "validate_circle": "ltv",
 }
 
 __all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -173,7 +173,7 @@ def information_bound(
     Raises
     ------
     ValueError
-        If pings repeat or lie outside the steps, if sigma is not positive, or the weights are negative or all zero.
+        If pings repeat or lie outside the steps, sigma is not positive, weights are negative or all zero, or the model is not finite.
     """
     weights = _normalized(np.ones(len(F) + 1) if weights is None else weights, len(F) + 1)
     _check_pings(pings, len(F))
@@ -223,6 +223,8 @@ def _frank_wolfe(problem: _Allocation, relative_gap: float, max_iterations: int)
     """Minimise over allocations; the best lower bound of all iterations is kept."""
     M = np.broadcast_to(np.eye(2) / 2, (len(problem.pings), 2, 2))
     value, J, P = problem.evaluate(M)
+    if not np.isfinite(value):
+        raise ValueError(f"P0, F, Q, J_other and weights must be finite and not overflow, got a mean square of {value}")
     bound, curvature, iterations = 0.0, 0.0, 0  # a mean square is at least zero
     while True:
         iterations += 1

@@ -419,10 +419,11 @@ def test_nothing_to_gain_is_bounded_by_what_there_is():
         ({"weights": np.ones(5)}, "6 samples, got 5 weights"),
         ({"weights": np.zeros(6)}, "weights must be at least 0 and not all 0"),
         ({"weights": np.array([1.0, 1, 1, 1, 1, -1])}, "got a least of -1"),
+        ({"P0": np.full((2, 2), np.nan)}, "must be finite and not overflow, got a mean square of nan"),
         ({"relative_gap": 0.0}, "relative_gap must be positive"),
         ({"max_iterations": 0}, "max_iterations at least 1"),
     ],
 )
 def test_bound_refuses_what_makes_no_sense(change, message):
     with pytest.raises(ValueError, match=message):
-        information_bound(**static_model(5), **{"pings": np.arange(5), "sigma": 1.0} | change)
+        information_bound(**static_model(5) | {"pings": np.arange(5), "sigma": 1.0} | change)
