@@ -18,6 +18,7 @@ from formulations.information import (
 )
 from formulations.solution import Status
 from obsplan.estimators.jacobian import transitions
+from obsplan.planners import name_of
 from obsplan.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -190,43 +191,26 @@ class Run:
         write_netcdf(self, Path(path))
 
 
-def record(scenario: Scenario, planner: object, seed: int, carries: dict[str, Any], logs: dict[str, Any], timing: Timing) -> Run:
-    """Make a run of what the loop said; matrices of consecutive steps side by side."""
-    from obsplan.planners import name_of
-
-    auvs = len(scenario.table.auv)
-    stack = lambda a: a.T.reshape(-1, auvs, a.shape[0]).swapaxes(0, 1)  # noqa: E731
-    after = lambda a: np.concatenate([np.full((auvs, 1), np.nan), stack(a)[..., 0]], axis=1)  # noqa: E731 - measured at the step's end
-    ahead = lambda a: np.concatenate([stack(a)[..., 0], np.full((auvs, 1), np.nan)], axis=1)  # noqa: E731 - decided at its beginning
-    command = carries["command"]
+def record(scenario: Scenario, planner: object, seed: int, carry: Any, log: Any, timing: Timing) -> Run:
+    """Make a run of the loop's carries (samples, AUVs, rows; covariances whole) and logs (steps, AUVs, rows)."""
+    per_auv = lambda a: np.ascontiguousarray(a.swapaxes(0, 1))  # noqa: E731
+    missing = np.full((len(scenario.table.auv), 1), np.nan)
+    turn_rate, speed = np.concatenate([carry.command[1:, 0], carry.command[-1:, 0]]).T  # a carry's command is that of the step before
     return Run(
         scenario=scenario,
         planner=name_of(planner),
         condition_label=getattr(planner, "condition_label", ""),
         seed=seed,
         time=scenario.time,
-        cna=carries["cna"].T,
-        turn_rate=held(command[0]),
-        speed=held(command[1]),
-        truth=stack(carries["truth"]),
-        mean=stack(carries["mean"]),
-        covariance=symmetric(stack(carries["covariance"])),
-        range=after(logs["range"]),
-        condition=ahead(logs["condition"]),
-        score=np.append(logs["score"][0], np.nan),
-        status=np.append(logs["status"][0], np.nan),
+        cna=carry.cna[:, 0],
+        turn_rate=turn_rate,
+        speed=speed,
+        truth=per_auv(carry.truth),
+        mean=per_auv(carry.mean),
+        covariance=per_auv(carry.covariance),
+        range=np.concatenate([missing, per_auv(log.range)[..., 0]], axis=1),  # measured at the step's end
+        condition=np.concatenate([per_auv(log.condition)[..., 0], missing], axis=1),  # decided at its beginning
+        score=np.append(log.score[:, 0, 0], np.nan),
+        status=np.append(log.status[:, 0, 0], np.nan),
         timing=timing,
     )
-
-
-def held(command: Float[np.ndarray, " samples"]) -> Float[np.ndarray, " samples"]:
-    """The command in force from each sample on: the carry's is that of the step before."""
-    return np.append(command[1:], command[-1])
-
-
-def symmetric(lower: Float[np.ndarray, "auvs samples 10"]) -> Float[np.ndarray, "auvs samples 4 4"]:
-    """Covariances from their lower triangles by columns."""
-    P = np.empty((*lower.shape[:-1], 4, 4))
-    columns, rows = np.triu_indices(4)  # the lower triangle by columns is the upper one by rows
-    P[..., rows, columns] = P[..., columns, rows] = lower
-    return P

@@ -148,9 +148,9 @@ def test_circle_just_encloses_every_survey():
 
 def test_first_estimate_is_drawn_where_it_is_not_given():
     scenario = from_dict({**SMALL, "auv": [{**SMALL["auv"][0], "first_estimate": {"x": 3.0, "heading_deg": 45.0, "sigma_position": 2.0}}]})
-    truth, error = np.array([[1.0], [2.0], [0.1], [1.0]]), np.array([[9.0], [0.5], [9.0], [-1.0]])
+    truth, error = np.array([[1.0, 2.0, 0.1, 1.0]]), np.array([[9.0, 0.5, 9.0, -1.0]])
     mean, covariance = scenario.first_estimates(truth, error)
-    np.testing.assert_allclose(mean[:, 0], [3.0, 2.0 + 2.0 * 0.5, math.pi / 4, 1.0 - 0.5])
+    np.testing.assert_allclose(mean[0], [3.0, 2.0 + 2.0 * 0.5, math.pi / 4, 1.0 - 0.5])
     np.testing.assert_allclose(np.diag(covariance[0]), [4.0, 4.0, np.deg2rad(2.0) ** 2, 0.25])
 
 

@@ -152,14 +152,14 @@ class Scenario:
         return np.array([[n.position, n.position, np.deg2rad(n.heading_deg), n.speed] for n in noises])
 
     def first_estimates(
-        self, truth: Float[np.ndarray, "4 auvs"], error: Float[np.ndarray, "4 auvs"]
-    ) -> tuple[Float[np.ndarray, "4 auvs"], Float[np.ndarray, "auvs 4 4"]]:
+        self, truth: Float[np.ndarray, "auvs 4"], error: Float[np.ndarray, "auvs 4"]
+    ) -> tuple[Float[np.ndarray, "auvs 4"], Float[np.ndarray, "auvs 4 4"]]:
         """The filters' first means and covariances; what is not given is the truth plus a standard normal error times its sigma."""
         firsts = [auv.first_estimate for auv in self.table.auv]
         heading = [None if f.heading_deg is None else np.deg2rad(f.heading_deg) for f in firsts]
-        given = np.array([[f.x, f.y, h, f.speed] for f, h in zip(firsts, heading, strict=True)], dtype=float).T  # None becomes nan
+        given = np.array([[f.x, f.y, h, f.speed] for f, h in zip(firsts, heading, strict=True)], dtype=float)  # None becomes nan
         sigma = np.array([[f.sigma_position, f.sigma_position, np.deg2rad(f.sigma_heading_deg), f.sigma_speed] for f in firsts])
-        mean = np.where(np.isnan(given), truth + sigma.T * error, given)
+        mean = np.where(np.isnan(given), truth + sigma * error, given)
         return mean, np.stack([np.diag(row**2) for row in sigma])
 
     def planner(self) -> Planner:

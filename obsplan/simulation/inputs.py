@@ -1,0 +1,51 @@
+"""What a mission is given from outside: its first estimates, its schedules, its survey and its noise."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from obsplan.scenario import Scenario
+from obsplan.simulation.step import Carry, Inputs, N, half_array
+from obsplan.types import Pose
+
+
+class Streams(NamedTuple):
+    """Random streams of their own, so that planners are compared under the same noise (thesis 5.3)."""
+
+    process: np.random.Generator
+    measurement: np.random.Generator
+    planner: np.random.Generator
+
+
+def streams(seed: int) -> Streams:
+    """Independent streams of a mission."""
+    return Streams(*(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)))
+
+
+def mission_inputs(scenario: Scenario, start: Pose, seed: int) -> tuple[Carry, Inputs]:
+    """The state of things at time 0, with the aid vehicle at ``start``, and the inputs of every step."""
+    process, measurement, _ = streams(seed)
+    survey = np.stack([np.column_stack([m.position, m.heading, m.speed]) for m in scenario.motions], axis=1)  # samples, AUVs, N
+    steps, auvs = len(survey) - 1, survey.shape[1]
+    carry = first_carry(scenario, start, survey[0], measurement.standard_normal((auvs, N)))
+    index, sensors = np.arange(steps), (scenario.heading_sensor, scenario.range_sensor)
+    errors = [measurement.standard_normal((steps, auvs, 1)) * sensor.sigma for sensor in sensors]
+    inputs = Inputs(
+        time=scenario.time[:-1, None, None],
+        decide=(index % scenario.decide_every == 0)[:, None, None],
+        ping=((index + 1) % scenario.ping_every == 0)[:, None, None],
+        survey=survey[:-1],
+        steer=survey[1:, :, 2:],
+        disturbance=process.standard_normal((steps, auvs, N)) * scenario.process_noise() * np.sqrt(scenario.table.time_step),
+        heading_error=errors[0],
+        range_error=errors[1],
+    )
+    return carry, Inputs(*(np.ascontiguousarray(a, dtype=float) for a in inputs))
+
+
+def first_carry(scenario: Scenario, start: Pose, truth: np.ndarray, error: np.ndarray) -> Carry:
+    """Truth, first estimates and the aid vehicle's pose at time 0."""
+    mean, covariance = scenario.first_estimates(truth, error)
+    lower = half_array(covariance)
+    cna, command = np.array([[start.x, start.y, start.heading]]), np.array([[0.0, scenario.cna.speed]])
+    return Carry(cna, command, truth, mean, lower, mean, lower)
