@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from formulations.path_inertia.closed_form import lateral_offset, longitudinal_offset
 from formulations.path_inertia.program import Side, TurnProgram, curvature_sides, radius_sides
-from formulations.path_inertia.solvers import SOLVERS, solve_scaled
+from formulations.path_inertia.solvers import SOLVERS
 from formulations.solution import Solution, Status
 
 Objective = Literal["difference", "condition-number"]
@@ -81,7 +81,7 @@ class PathInertiaProblem:
         self,
         positions: Float[np.ndarray, "auvs 2"],
         heading: float,
-        weights: Float[np.ndarray, " auvs"] | None = None,
+        weights: Float[np.ndarray, " weights"] | None = None,
         *,
         last_radius: float | None = None,
     ) -> Solution:
@@ -148,21 +148,20 @@ class PathInertiaProblem:
 
     def _decide(self, criterion: Criterion, sides: list[Side]) -> Solution:
         """Solve over the interval that spans both sides, then clip to one of them."""
-        hull = TurnProgram(criterion.center, criterion.threshold, sides[0][0], sides[-1][1])
-        scale = hull.scale
-        hull = hull.bounded(scale)
-        point = solve_scaled(self.compiled, hull, scale)
+        hull = TurnProgram(criterion.center, criterion.threshold, sides[0][0], sides[-1][1]).bounded()
+        point = self.compiled(hull)
         failed = not math.isfinite(point.x)
         if failed:
             point = hull.optimum()
         side = TurnProgram(criterion.center, criterion.threshold, *hull.choose_side(point.x, sides))
-        limit = self._turning_limit(side)
-        x, reach = min(max(point.x, side.lower), side.upper), self.tolerance * scale
-        clipped = abs(x - limit) <= reach and side.presses(limit)
-        if clipped:
-            x = limit
-        program, point = (hull, point) if abs(x - point.x) <= reach and not clipped else (side, side.with_multipliers(x))
+        x, reach = min(max(point.x, side.lower), side.upper), self.tolerance * hull.scale
+        end = side.lower if x - side.lower < side.upper - x else side.upper
+        pressed = abs(x - end) <= reach and side.presses(end)
+        if pressed:
+            x = end
+        program, point = (side, side.with_multipliers(x)) if pressed or abs(x - point.x) > reach else (hull, point)
         primal, dual, gap = program.certify(point)
+        clipped = pressed and abs(x) == (self.min_radius if self.objective == "difference" else 1 / self.min_radius)
         accurate = max(primal, dual, math.sqrt(2 * gap)) <= reach
         status = Status.SOLVER_FAILED if failed else Status.INACCURATE if not accurate else Status.CLIPPED if clipped else Status.OPTIMAL
         value = criterion.scale * (0.5 * (x - criterion.center) ** 2 + criterion.threshold * abs(x)) + criterion.constant
@@ -175,20 +174,13 @@ class PathInertiaProblem:
             status=status,
         )
 
-    def _turning_limit(self, side: TurnProgram) -> float:
-        """Return the end of a side nearest to the tightest turn: for radii the one next to zero, for curvatures the other."""
-        small, large = sorted((side.lower, side.upper), key=abs)
-        limit = self.min_radius if self.objective == "difference" else 1 / self.min_radius
-        end = small if self.objective == "difference" else large
-        return end if abs(end) == limit else math.nan
-
 
 @cache
-def _equal_shares(n: int) -> Float[np.ndarray, " auvs"] | None:
+def _equal_shares(n: int) -> Float[np.ndarray, " weights"] | None:
     return np.full(n, 1 / n) if n else None
 
 
-def _normalise(weights: Float[np.ndarray, " auvs"], n: int) -> Float[np.ndarray, " auvs"] | None:
+def _normalise(weights: Float[np.ndarray, " weights"], n: int) -> Float[np.ndarray, " weights"] | None:
     """Return weights that sum to one (all nan if one of them is not finite), or nothing if no AUV counts."""
     if len(weights) != n:
         raise ValueError(f"there are {len(weights)} weights for {n} AUVs: give one for each")

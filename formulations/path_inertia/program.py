@@ -42,14 +42,18 @@ class TurnProgram(NamedTuple):
 
     @property
     def scale(self) -> float:
-        """Size of the numbers in it: dividing all by it leaves the same program, which solvers find easier."""
+        """Size of the turns in it, which the tolerance is relative to."""
         return max(abs(self.center), self.threshold, self.lower, -self.upper) or 1.0
 
-    def bounded(self, room: float) -> "TurnProgram":
-        """Return the same program with finite limits: the optimum lies between 0 and c, or at the limit next to them; room is left."""
-        reach = abs(self.center)
-        lower = max(self.lower, min(-reach, self.upper) - room)
-        return TurnProgram(self.center, self.threshold, lower, min(self.upper, max(reach, self.lower) + room))
+    @property
+    def reach(self) -> float:
+        """Distance from the centre that the optimum cannot exceed."""
+        return max(self.threshold, self.lower - self.center, self.center - self.upper) or abs(self.center) or 1.0
+
+    def bounded(self) -> "TurnProgram":
+        """Return the same program with limits cut at twice the reach, which no optimum touches."""
+        room = 2 * self.reach
+        return TurnProgram(self.center, self.threshold, max(self.lower, self.center - room), min(self.upper, self.center + room))
 
     def optimum(self) -> Point:
         """Solve by hand: shrink the centre by the threshold, then keep to the limits."""
@@ -92,6 +96,38 @@ class TurnProgram(NamedTuple):
         if x < left[0] and self.center * width < middle * (0.5 * width + self.threshold):
             return right
         return left
+
+
+class Deviation(NamedTuple):
+    r"""A turn program seen from its centre: minimise ½y² + τ max(y, −y − fold) subject to lower ≤ y ≤ upper.
+
+    x = c ± unit·y, mirrored where c < 0, so that |x| = |c| + unit·max(y, −y − fold). The unit being the reach of a bounded program, every
+    number is of the order of one however far the AUVs are. (A threshold of a quarter metre among distances of kilometres takes OSQP
+    thousands of iterations to notice.)
+    """
+
+    threshold: float
+    lower: float
+    upper: float
+    fold: float
+    unit: float
+    center: float
+
+    @classmethod
+    def of(cls, program: TurnProgram) -> "Deviation":
+        """Shift, mirror and scale a bounded program."""
+        center, threshold, lower, upper = program
+        unit = program.reach
+        lower, upper = (lower - center) / unit, (upper - center) / unit
+        if center < 0:
+            lower, upper = -upper, -lower
+        return cls(threshold / unit, lower, upper, min(2 * abs(center) / unit, 4.0), unit, center)
+
+    def point(self, y: float, sign: float, lower: float, upper: float) -> Point:
+        """Return a solution and its multipliers as the turn program has them."""
+        if self.center < 0:
+            return Point(self.center - self.unit * y, -self.unit * sign, self.unit * upper, self.unit * lower)
+        return Point(self.center + self.unit * y, self.unit * sign, self.unit * lower, self.unit * upper)
 
 
 def radius_sides(lower: float, upper: float, min_radius: float) -> list[Side]:
