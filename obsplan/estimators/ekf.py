@@ -2,13 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import casadi as ca
 
 from obsplan.estimators.jacobian import jacobian
 
 
+@runtime_checkable
 class Sensor(Protocol):
     """What the filter needs of a sensor."""
 

@@ -49,6 +49,7 @@ class ExpressionPlanner(Planner, Protocol):
         ...
 
 
+@runtime_checkable
 class SteeringPlanner(ExpressionPlanner, Protocol):
     """An expression planner that keeps its vehicle moving."""
 
