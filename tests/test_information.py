@@ -307,6 +307,20 @@ def test_a_circle_about_a_static_target_of_isotropic_prior_reaches_the_bound():
     assert bound.efficiency(P) < 0.8
 
 
+def test_squared_ranges_are_bounded_by_their_worth_at_the_largest_distance():
+    """At the stated distance the circle reaches the bound; nearer it falls short; and farther it would beat it, so the distance matters."""
+    steps, sigma, d_max = 24, 4.0, 20.0
+    model, last = static_model(steps), np.eye(steps + 1)[-1]
+    bound = information_bound(**model, pings=np.arange(steps), sigma=sigma / (2 * d_max), weights=last)
+    bearing = 2 * np.pi * np.arange(steps) / 12
+    unit_circle = np.column_stack([np.cos(bearing), np.sin(bearing)])
+    efficiency = []
+    for distance in (10.0, 20.0, 40.0):
+        J = squared_range_information(distance * unit_circle, np.zeros(2), sigma)
+        efficiency.append(bound.efficiency(posterior_cramer_rao(model["P0"], model["F"], model["Q"], J)))
+    np.testing.assert_allclose(efficiency, [0.5, 1.0, 2.0], rtol=1e-3)  # the prior of 10 m adds some 1e-6
+
+
 def test_splitting_information_evenly_is_no_bound_under_heading_uncertainty():
     steps, speed = 60, 1.0
     F = np.tile(np.eye(4), (steps, 1, 1))
