@@ -72,6 +72,12 @@ def test_an_input_that_is_not_finite_spoils_its_own_case_entirely(bad):
     assert condition_number(W)[1] == np.inf
 
 
+def test_a_measurement_without_a_derivative_gives_nan_in_every_entry():
+    range_alone = exact_gramian(unicycle, lambda t, x, u, p: ca.norm_2(x[:2]), n=3, m=1, steps=4)  # noqa: ARG005
+    x0 = np.array([[0.0, 0.0, 0.4], [1.0, 0.0, 0.4]])  # the first on the beacon
+    np.testing.assert_array_equal(np.isnan(range_alone(x0, np.ones((1, 1)), horizon=1.0)).all(axis=(1, 2)), [True, False])
+
+
 def test_unobservable_heading_without_a_compass_is_rotation_about_the_beacon():
     range_alone = exact_gramian(unicycle, lambda t, x, u, p: ca.norm_2(x[:2]), n=3, m=1, steps=40)  # noqa: ARG005
     x0 = np.array([3.0, 1.0, 0.4])

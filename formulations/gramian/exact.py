@@ -161,7 +161,8 @@ class ExactGramian:
         axes are broadcast: ``x0[:, None]`` with ``u[None]`` gives every state under every control in one evaluation.
         ``R`` is the covariance of the measurement noise (where the rule is an integral, its density: unit y^2 s); without it, 1 in units
         of y. Unit of W_ij: 1 / (unit x_i · unit x_j) with R; without, times that of y^2, and of time unless the rule is ``sum``.
-        A case with an input that is not finite gives nan in every entry, never a plausible number; the others are not touched.
+        A case whose inputs or entries are not finite (range has no derivative at zero distance) gives nan in every entry, never a
+        plausible number; the others are not touched.
         Raises ValueError for shapes that do not fit, an R that is not a covariance, or a horizon that is not positive.
         """
         return self._evaluate("W", x0, u, horizon=horizon, p=p, t0=t0, R=R)
@@ -224,7 +225,8 @@ class ExactGramian:
         result = np.empty((count, n, rows))  # CasADi stores columns: each case comes out transposed
         if count:
             _run(self.function, count, [*cases, *shared], self.function.index_out(output), result)
-        finite = np.isfinite(t0) & np.logical_and.reduce([np.isfinite(a).all(axis=1) for a in cases])
+        # The inputs are asked as well: an entry that does not depend on them would stay finite.
+        finite = np.isfinite(t0) & np.logical_and.reduce([np.isfinite(a).all(axis=1) for a in (*cases, result.reshape(count, n * rows))])
         result[~finite] = np.nan
         return np.swapaxes(result, -1, -2).reshape(*batch, rows, n)
 
