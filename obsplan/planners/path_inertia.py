@@ -1,19 +1,23 @@
 """Path inertia: circle so that the path looks equally long from every side of the AUVs (thesis chapter 3)."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
+from functools import lru_cache
 from typing import Annotated, Literal
 
 import casadi as ca
+import numpy as np
 
 from formulations.path_inertia import (
+    PathInertiaProblem,
     curvature_condition_number,
     lateral_offset,
     path_inertia_curvature,
     path_inertia_radius,
 )
 from formulations.solution import Status
-from obsplan.planners.protocol import Command, Targets, decide
+from obsplan.planners.protocol import Command, Targets, decide, predict_path, unusable
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
@@ -25,6 +29,10 @@ class PathInertia:
     ``difference`` minimises the weighted mean difference of the eigenvalues plus γ (squared centre distance + |radius|), the thesis's
     rule; ``condition-number`` minimises the weighted mean condition number itself over the curvature, straight ahead included, and has
     no γ. ``score`` is the weighted mean of κ(J) [-] either way.
+
+    Without further limits the decision is a closed form, and part of the simulator's step. The limits and the penalty on change make it a
+    convex program, solved anew at each decision by the solver named; where no turn satisfies the limits, the turn without them is taken
+    and the status says so.
     """
 
     condition_label = "κ(J)"
@@ -33,19 +41,28 @@ class PathInertia:
     _: KW_ONLY
     gamma: Annotated[float, "weight of separation against conditioning [-], at least 0; of the objective difference"] = 1.0
     objective: Annotated[Literal["difference", "condition-number"], "what is minimised"] = "difference"
+    solver: Annotated[Literal["closed-form", "osqp", "clarabel"], "how the convex program is solved"] = "closed-form"
+    change_weight: Annotated[float, "penalty on the squared change of radius [-], or of curvature [m^2]; at least 0"] = 0.0
+    max_radius: Annotated[float | None, "largest turning radius [m]; default: none"] = None
+    max_center_distance: Annotated[float | None, "largest distance of the circle's centre from each AUV [m]; default: none"] = None
 
     def __post_init__(self) -> None:
-        if not 0 <= self.gamma < float("inf"):
-            raise ValueError(f"gamma must be at least 0 and finite, got {self.gamma}")
-        if self.objective not in ("difference", "condition-number"):
-            raise ValueError(f'objective must be "difference" or "condition-number", got "{self.objective}"')
+        _ = problem(self)  # its limits are checked there
+
+    @property
+    def expression(self) -> Callable[[ca.SX, ca.SX, Targets], Command] | None:
+        """The decision as an expression; None where a program has to be solved."""
+        limited = self.change_weight or self.max_radius is not None or self.max_center_distance is not None
+        return None if limited or self.solver != "closed-form" else self.closed_form
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Choose the circle to turn on."""
-        return decide(self, pose, auvs, time)
+        if self.expression is not None:
+            return decide(self, pose, auvs, time)
+        return unusable(self, pose, auvs) or self._solve(pose, auvs)
 
-    def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002 - the protocol's signature
-        """The turn rate in closed form."""
+    def closed_form(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002 - the protocol's signature
+        """The turn rate without limits beyond the vehicle's own."""
         x1, x2 = pose[0] - targets.mean[0, :], pose[1] - targets.mean[1, :]
         weight = targets.weight / ca.sum1(targets.weight)
         offset, square_distance = lateral_offset(x1, x2, pose[2]), x1**2 + x2**2
@@ -58,3 +75,44 @@ class PathInertia:
         condition = curvature_condition_number(curvature, offset, square_distance)
         status = ca.if_else(clipped, float(Status.CLIPPED), float(Status.OPTIMAL))
         return Command(self.cna.speed * curvature, ca.SX(self.cna.speed), condition @ weight, condition, status)
+
+    def _solve(self, pose: Pose, auvs: Sequence[Belief]) -> Decision:
+        """Solve the program with its limits; if they leave no turn, without them."""
+        x = np.array([[pose.x, pose.y] - auv.mean[:2] for auv in auvs])
+        weights = np.array([auv.weight for auv in auvs], dtype=float)
+        last = self.cna.speed / pose.turn_rate if pose.turn_rate else math.inf
+        solution = problem(self).solve(x, pose.heading, weights, last_radius=last)
+        status = solution.status
+        if not np.isfinite(solution.x[0]):
+            solution = problem(PathInertia(self.cna, gamma=self.gamma, objective=self.objective)).solve(x, pose.heading, weights)
+        curvature = float(solution.x[0]) if self.objective == "condition-number" else 1 / float(solution.x[0])
+        condition = curvature_condition_number(curvature, lateral_offset(x[:, 0], x[:, 1], pose.heading), np.sum(x**2, axis=1))
+        turn_rate, speed = self.cna.speed * curvature, self.cna.speed
+        return Decision(
+            turn_rate=turn_rate,
+            speed=speed,
+            path=predict_path(self.cna, pose, turn_rate, speed),
+            score=float(condition @ weights / weights.sum()),
+            status=status,
+            condition=condition,
+        )
+
+
+@lru_cache(maxsize=16)
+def problem(planner: PathInertia) -> PathInertiaProblem:
+    """The planner's convex program, set up once.
+
+    Raises
+    ------
+    ValueError
+        A weight or a limit out of its range.
+    """
+    return PathInertiaProblem(
+        min_radius=planner.cna.min_turn_radius,
+        gamma=planner.gamma,
+        change_weight=planner.change_weight,
+        max_radius=math.inf if planner.max_radius is None else planner.max_radius,
+        max_center_distance=math.inf if planner.max_center_distance is None else planner.max_center_distance,
+        objective=planner.objective,
+        solver=planner.solver,
+    )

@@ -1,11 +1,12 @@
 """What a planner is, and how one that is an expression is evaluated on its own."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
+from jaxtyping import Float
 
 from formulations.solution import Status
 from obsplan.types import Belief, Decision, Pose
@@ -16,7 +17,11 @@ PATH_POINTS = 21  # poses in a predicted path
 
 @runtime_checkable
 class Planner(Protocol):
-    """Anything that turns what is known of the AUVs into the aid vehicle's next manoeuvre."""
+    """Anything that turns what is known of the AUVs into the aid vehicle's next manoeuvre.
+
+    It may also have ``initial_pose(pose) -> Pose``, where it wants to start; ``condition_label``, what its condition numbers are of; and
+    ``expression``, see `expression_of`.
+    """
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Choose turn rate and speed to hold until the next decision."""
@@ -40,18 +45,20 @@ class Command(NamedTuple):
     status: ca.SX
 
 
+Expression = Callable[[ca.SX, ca.SX, Targets], Command]  # of time [s], pose (east, north, heading, turn rate) and targets
+
+
+def expression_of(planner: Planner) -> Expression | None:
+    """The decision as one CasADi expression, which the simulator folds into its step; None where ``plan`` has to be called.
+
+    A planner that has one is hashable, and one that has it only under some options has ``expression`` None under the others.
+    """
+    return getattr(planner, "expression", None)
+
+
 @runtime_checkable
-class ExpressionPlanner(Planner, Protocol):
-    """A planner whose decision is one CasADi expression, which the simulator folds into its step; it must be hashable."""
-
-    def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:
-        """The decision at a time [s] and pose (east, north, heading, turn rate)."""
-        ...
-
-
-@runtime_checkable
-class SteeringPlanner(ExpressionPlanner, Protocol):
-    """An expression planner that keeps its vehicle moving."""
+class SteeringPlanner(Planner, Protocol):
+    """A planner that keeps its vehicle moving."""
 
     @property
     def cna(self) -> Unicycle:
@@ -59,9 +66,9 @@ class SteeringPlanner(ExpressionPlanner, Protocol):
         ...
 
 
-def guarded_expression(planner: ExpressionPlanner, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:
-    """The planner's command; where its turn rate is not a number the vehicle goes straight on and the status says so."""
-    command = planner.expression(time, pose, targets)
+def guarded(expression: Expression, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:
+    """A planner's command; where its turn rate is not a number the vehicle goes straight on and the status says so."""
+    command = expression(time, pose, targets)
     usable = command.turn_rate == command.turn_rate
     return command._replace(
         turn_rate=ca.if_else(usable, command.turn_rate, 0.0),
@@ -70,23 +77,26 @@ def guarded_expression(planner: ExpressionPlanner, time: ca.SX, pose: ca.SX, tar
 
 
 def decide(planner: SteeringPlanner, pose: Pose, auvs: Sequence[Belief], time: float) -> Decision:
-    """Evaluate a planner's expression for AUVs it needs; without a usable one the vehicle goes straight on, and the status says why."""
+    """Evaluate a planner's expression for AUVs it needs."""
+    return unusable(planner, pose, auvs) or evaluate(planner, pose, auvs, time)
+
+
+def unusable(planner: SteeringPlanner, pose: Pose, auvs: Sequence[Belief]) -> Decision | None:
+    """The substitute where there is no AUV to plan for, or a pose or belief is not finite: straight on, and the status says why."""
     if not any(auv.weight > 0 for auv in auvs):
         return straight_on(planner.cna, pose, Status.NO_TARGETS, len(auvs))
-    if not all(np.isfinite(auv.mean).all() for auv in auvs):
-        return straight_on(planner.cna, pose, Status.INVALID_INPUT, len(auvs))
-    return evaluate(planner, pose, auvs, time)
+    known = [[pose.x, pose.y, pose.heading, pose.turn_rate], *(auv.mean for auv in auvs)]
+    return None if np.isfinite(known).all() else straight_on(planner.cna, pose, Status.INVALID_INPUT, len(auvs))
 
 
 def evaluate(planner: SteeringPlanner, pose: Pose, auvs: Sequence[Belief], time: float) -> Decision:
     """Evaluate a planner's expression at a pose."""
-    if not np.isfinite((pose.x, pose.y, pose.heading, pose.turn_rate)).all():
-        return straight_on(planner.cna, pose, Status.INVALID_INPUT, len(auvs))
-    means = np.array([auv.mean for auv in auvs]).reshape(-1, 4).T
-    weights = np.array([auv.weight for auv in auvs])
     state = [pose.x, pose.y, pose.heading, pose.turn_rate]
-    values = [v.full().ravel() for v in compiled(planner, len(auvs)).call([ca.DM(time), ca.DM(state), ca.DM(means), ca.DM(weights)])]
-    turn_rate, speed, score, condition, status = values
+    if not np.isfinite(state).all():
+        return straight_on(planner.cna, pose, Status.INVALID_INPUT, len(auvs))
+    means, weights = np.array([auv.mean for auv in auvs]).reshape(-1, 4).T, np.array([auv.weight for auv in auvs], dtype=float)
+    results = compiled(planner, len(auvs)).call([ca.DM(time), ca.DM(state), ca.DM(means), ca.DM(weights)])
+    turn_rate, speed, score, condition, status = (result.full().ravel() for result in results)
     return Decision(
         turn_rate=float(turn_rate[0]),
         speed=float(speed[0]),
@@ -98,11 +108,14 @@ def evaluate(planner: SteeringPlanner, pose: Pose, auvs: Sequence[Belief], time:
 
 
 @lru_cache(maxsize=64)
-def compiled(planner: ExpressionPlanner, n_auvs: int) -> ca.Function:
+def compiled(planner: Planner, n_auvs: int) -> ca.Function:
     """The planner's expression for a number of AUVs as a Function, built once."""
+    expression = expression_of(planner)
+    if expression is None:
+        raise TypeError(f"{type(planner).__name__} has no expression; call its plan instead")
     time, pose = ca.SX.sym("time"), ca.SX.sym("pose", 4)  # pyright: ignore[reportArgumentType, reportCallIssue]
     targets = Targets(ca.SX.sym("mean", 4, n_auvs), ca.SX.sym("weight", n_auvs))  # pyright: ignore[reportArgumentType, reportCallIssue]
-    return ca.Function("decision", [time, pose, *targets], list(guarded_expression(planner, time, pose, targets)))
+    return ca.Function("decision", [time, pose, *targets], list(guarded(expression, time, pose, targets)))
 
 
 def straight_on(cna: Unicycle, pose: Pose, status: Status, n_auvs: int) -> Decision:
@@ -111,14 +124,17 @@ def straight_on(cna: Unicycle, pose: Pose, status: Status, n_auvs: int) -> Decis
     return Decision(turn_rate=0.0, speed=cna.speed, path=path, score=np.nan, status=status, condition=np.full(n_auvs, np.nan))
 
 
-def predict_path(cna: Unicycle, pose: Pose, turn_rate: float, speed: float) -> np.ndarray:
-    """Poses (steps, 3) on the arc held for two thirds of the smallest circle, the thesis's horizon."""
-    t = np.linspace(0.0, two_thirds_turn(cna), PATH_POINTS)
-    half = 0.5 * turn_rate * t
-    chord = speed * t * np.sinc(half / np.pi)
-    return np.stack(
-        [pose.x + chord * np.cos(pose.heading + half), pose.y + chord * np.sin(pose.heading + half), pose.heading + 2 * half], -1
-    )
+def predict_path(cna: Unicycle, pose: Pose, turn_rate: float, speed: float) -> Float[np.ndarray, "steps 3"]:
+    """Poses on the arc held for two thirds of the smallest circle, the thesis's horizon."""
+    time = np.linspace(0.0, two_thirds_turn(cna), PATH_POINTS)
+    return _arc()(np.array([pose.x, pose.y, pose.heading]), np.array([turn_rate, speed]), time[None, :]).full().T
+
+
+@lru_cache(maxsize=1)
+def _arc() -> ca.Function:
+    """(state, control, durations) -> the unicycle's states after them."""
+    x, u, t = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("t")  # pyright: ignore[reportArgumentType, reportCallIssue]
+    return ca.Function("arc", [x, u, t], [Unicycle.step(x, u, t)]).map(PATH_POINTS)
 
 
 def two_thirds_turn(cna: Unicycle) -> float:

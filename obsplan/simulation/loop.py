@@ -8,7 +8,7 @@ from time import perf_counter
 import casadi as ca
 import numpy as np
 
-from obsplan.planners.protocol import ExpressionPlanner, Planner
+from obsplan.planners.protocol import Planner, expression_of
 from obsplan.run import Run, Timing, record
 from obsplan.scenario import Scenario, load, replanned
 from obsplan.simulation.inputs import mission_inputs
@@ -90,7 +90,7 @@ class ClosedLoop:
         carry = Carry(*(np.concatenate([a[None], np.empty((steps, *a.shape))]) for a in first))
         log = Log(*(np.empty((steps, *shape_of(name, auvs))) for name in Log._fields))
         decisions: list[float] = []
-        if isinstance(self.planner, ExpressionPlanner):
+        if expression_of(self.planner) is not None:
             self._fold(carry, inputs, log, progress)
         else:
             decisions = self._walk(carry, inputs, log, progress)

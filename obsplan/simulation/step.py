@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from obsplan.estimators import Ekf
-from obsplan.planners.protocol import ExpressionPlanner, Planner, Targets, guarded_expression
+from obsplan.planners.protocol import Planner, Targets, expression_of, guarded
 from obsplan.scenario import Scenario
 
 N = 4  # states of an AUV: east, north [m], heading [rad], speed through the water [m/s]
@@ -85,12 +85,13 @@ class StepBuilder:
 
     def _decide(self, carry: Carry, inputs: Inputs) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """Command, score, condition numbers and status; a planner that is no expression has put its command into the carry."""
-        if not isinstance(self.planner, ExpressionPlanner):
+        expression = expression_of(self.planner)
+        if expression is None:
             return carry.command, ca.SX.nan(1), ca.SX.nan(1, carry.truth.shape[1]), ca.SX.nan(1)
         known = {"estimate": carry.reported, "survey": inputs.survey, "truth": carry.truth}[self.scenario.table.planner.knowledge]
         weight = ca.SX(ca.DM([auv.weight for auv in self.scenario.table.auv]))
         pose = ca.vertcat(carry.cna, carry.command[0])
-        new = guarded_expression(self.planner, inputs.time, pose, Targets(known, weight))
+        new = guarded(expression, inputs.time, pose, Targets(known, weight))
         due = lambda value, otherwise: ca.if_else(inputs.decide, value, otherwise)  # noqa: E731
         command = due(ca.vertcat(new.turn_rate, new.speed), carry.command)
         return command, due(new.score, np.nan), due(new.condition, np.nan), due(new.status, np.nan)

@@ -26,7 +26,8 @@ class Unicycle:
         """Largest turn rate [rad/s]."""
         return self.speed / self.min_turn_radius
 
-    def step(self, x: ca.SX, u: ca.SX, dt: float) -> ca.SX:
+    @staticmethod
+    def step(x: ca.SX, u: ca.SX, dt: ca.SX | float) -> ca.SX:
         """State after dt seconds at a constant turn rate and speed, as a CasADi expression."""
         half = 0.5 * u[0] * dt
         chord = u[1] * dt * sinc(half)
