@@ -27,7 +27,8 @@ class Pose:
 class Belief:
     """What the planner knows of one AUV; never the truth, unless the scenario says ``knowledge = "truth"``.
 
-    ``mean`` is (east [m], north [m], heading [rad], speed through the water [m/s]) with its ``covariance``; ``process_noise`` the standard
+    ``mean`` is (east [m], north [m], heading [rad], speed through the water [m/s]); ``covariance`` (4 x 4) the AUV's own, as last reported
+    and predicted since, wherever the mean comes from; ``process_noise`` the standard
     deviations per square root of a second of position [m], heading [rad] and speed [m/s]; ``drift`` the current [m/s] it is carried by;
     ``course`` its planned positions as a function of time from now [s], where they are known.
     """

@@ -29,10 +29,18 @@ class Planner(Protocol):
 
 
 class Targets(NamedTuple):
-    """Beliefs about M AUVs as expressions: means (4 x M: east, north [m], heading [rad], speed [m/s]) and weights (M)."""
+    """Beliefs about M AUVs as expressions."""
 
-    mean: ca.SX
-    weight: ca.SX
+    mean: ca.SX  # 4 x M: east, north [m], heading [rad], speed through the water [m/s]
+    drift: ca.SX  # 2 x M: the current they are carried by [m/s]
+    position_covariance: ca.SX  # 3 x M: variance of east, covariance, variance of north [m^2]
+    weight: ca.SX  # M
+
+    @property
+    def velocity(self) -> ca.SX:
+        """Velocity over ground (2 x M) [m/s]."""
+        heading, speed = self.mean[2, :], self.mean[3, :]
+        return ca.vertcat(speed * ca.cos(heading), speed * ca.sin(heading)) + self.drift
 
 
 class Command(NamedTuple):
@@ -67,12 +75,19 @@ class SteeringPlanner(Planner, Protocol):
 
 
 def guarded(expression: Expression, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:
-    """A planner's command; where its turn rate is not a number the vehicle goes straight on and the status says so."""
+    """A planner's command; `unusable` as an expression: straight on where what it looks at is no number or has no weight, and why."""
     command = expression(time, pose, targets)
-    usable = command.turn_rate == command.turn_rate
-    return command._replace(
+    looks = ca.depends_on(command.turn_rate, ca.vec(targets.mean))
+    heard = ca.sum1(targets.weight) > 0 if looks else ca.SX(1.0)
+    seen = ca.vertcat(pose, ca.vec(targets.mean), command.turn_rate) if looks else ca.vertcat(pose, command.turn_rate)
+    usable = ca.logic_and(heard, ca.fabs(ca.sum1(seen)) < ca.inf)  # CasADi takes x == x for true, whatever x is
+    why = ca.if_else(heard, float(Status.INVALID_INPUT), float(Status.NO_TARGETS))
+    return Command(
         turn_rate=ca.if_else(usable, command.turn_rate, 0.0),
-        status=ca.if_else(usable, command.status, float(Status.INVALID_INPUT)),
+        speed=command.speed,
+        score=ca.if_else(usable, command.score, np.nan),
+        condition=ca.if_else(usable, command.condition, np.nan),
+        status=ca.if_else(usable, command.status, why),
     )
 
 
@@ -94,8 +109,9 @@ def evaluate(planner: SteeringPlanner, pose: Pose, auvs: Sequence[Belief], time:
     state = [pose.x, pose.y, pose.heading, pose.turn_rate]
     if not np.isfinite(state).all():
         return straight_on(planner.cna, pose, Status.INVALID_INPUT, len(auvs))
-    means, weights = np.array([auv.mean for auv in auvs]).reshape(-1, 4).T, np.array([auv.weight for auv in auvs], dtype=float)
-    results = compiled(planner, len(auvs)).call([ca.DM(time), ca.DM(state), ca.DM(means), ca.DM(weights)])
+    known = [[auv.mean, auv.drift, auv.covariance[[0, 0, 1], [0, 1, 1]], [auv.weight]] for auv in auvs]
+    targets = [ca.DM(np.array(rows, dtype=float).reshape(len(auvs), -1).T) for rows in zip(*known, strict=True)]
+    results = compiled(planner, len(auvs))(time, state, *targets)
     turn_rate, speed, score, condition, status = (result.full().ravel() for result in results)
     return Decision(
         turn_rate=float(turn_rate[0]),
@@ -114,8 +130,10 @@ def compiled(planner: Planner, n_auvs: int) -> ca.Function:
     if expression is None:
         raise TypeError(f"{type(planner).__name__} has no expression; call its plan instead")
     time, pose = ca.SX.sym("time"), ca.SX.sym("pose", 4)  # pyright: ignore[reportArgumentType, reportCallIssue]
-    targets = Targets(ca.SX.sym("mean", 4, n_auvs), ca.SX.sym("weight", n_auvs))  # pyright: ignore[reportArgumentType, reportCallIssue]
-    return ca.Function("decision", [time, pose, *targets], list(guarded(expression, time, pose, targets)))
+    rows = {"mean": 4, "drift": 2, "position_covariance": 3, "weight": 1}
+    symbols = [ca.SX.sym(name, rows[name], n_auvs) for name in Targets._fields]  # pyright: ignore[reportArgumentType, reportCallIssue]
+    targets = Targets(*symbols)._replace(weight=symbols[-1].T)
+    return ca.Function("decision", [time, pose, *symbols], list(guarded(expression, time, pose, targets)))
 
 
 def straight_on(cna: Unicycle, pose: Pose, status: Status, n_auvs: int) -> Decision:

@@ -17,6 +17,7 @@ from obsplan.simulation.step import Carry, Inputs, Log, StepBuilder, full_array,
 from obsplan.types import Belief, Pose
 
 CHUNK = 256  # steps between two looks at the clock and the keyboard
+COMMAND = Carry._fields.index("command")
 
 Progress = Callable[[int, int], None]
 
@@ -109,13 +110,13 @@ class ClosedLoop:
         """Advance step by step, calling the planner between them; returns the time each decision took [s]."""
         steps, seconds = len(inputs.time), []
         for k in range(steps):
-            decision = None
+            decision, now = None, [a[k] for a in (*carry, *inputs)]
             if inputs.decide[k]:
                 began = perf_counter()
                 decision = self.planner.plan(pose_of(carry, k), self._beliefs(carry, inputs, k), time=float(inputs.time[k].item()))
                 seconds.append(perf_counter() - began)
-                carry.command[k] = decision.turn_rate, decision.speed
-            evaluate(self.step, [a[k] for a in (*carry, *inputs)], results_of(carry, log, k, 1))
+                now[COMMAND] = np.array([[decision.turn_rate, decision.speed]], dtype=float)
+            evaluate(self.step, now, results_of(carry, log, k, 1))
             if decision is not None:
                 log.score[k], log.status[k] = decision.score, decision.status
                 log.condition[k, :, 0] = decision.condition if decision.condition.size else np.nan
@@ -128,7 +129,7 @@ class ClosedLoop:
         scenario, now = self.scenario, float(inputs.time[k].item())
         knowledge = scenario.table.planner.knowledge
         means = {"estimate": carry.reported, "survey": inputs.survey, "truth": carry.truth}[knowledge][k]
-        covariances = full_array(carry.reported_covariance[k] if knowledge == "estimate" else np.zeros_like(carry.covariance[k]))
+        covariances = full_array(carry.reported_covariance[k])
         courses = [None if knowledge == "estimate" else lambda ahead, r=r: r.position(now + ahead) for r in scenario.references]
         noises = scenario.process_noise(assumed=True)
         return [

@@ -89,12 +89,17 @@ class StepBuilder:
         if expression is None:
             return carry.command, ca.SX.nan(1), ca.SX.nan(1, carry.truth.shape[1]), ca.SX.nan(1)
         known = {"estimate": carry.reported, "survey": inputs.survey, "truth": carry.truth}[self.scenario.table.planner.knowledge]
-        weight = ca.SX(ca.DM([auv.weight for auv in self.scenario.table.auv]))
-        pose = ca.vertcat(carry.cna, carry.command[0])
-        new = guarded(expression, inputs.time, pose, Targets(known, weight))
+        new = guarded(expression, inputs.time, ca.vertcat(carry.cna, carry.command[0]), self._targets(known, carry))
         due = lambda value, otherwise: ca.if_else(inputs.decide, value, otherwise)  # noqa: E731
         command = due(ca.vertcat(new.turn_rate, new.speed), carry.command)
         return command, due(new.score, np.nan), due(new.condition, np.nan), due(new.status, np.nan)
+
+    def _targets(self, known: ca.SX, carry: Carry) -> Targets:
+        """What the planner is told: means by the scenario's knowledge, uncertainty always as the AUVs' filters last reported it."""
+        auvs = self.scenario.table.auv
+        drift = ca.repmat(ca.SX(ca.DM(self.scenario.table.environment.current)), 1, len(auvs))
+        weight = ca.SX(ca.DM([auv.weight for auv in auvs]))
+        return Targets(known, drift, carry.reported_covariance[[0, 1, N], :], weight)  # P11, P21, P22 of a lower triangle by columns
 
     def _auv(self, i: int, cna: ca.SX, carry: Carry, inputs: Inputs) -> tuple[ca.SX, ...]:
         """Truth, mean, covariance, report and range of one AUV at the step's end."""
