@@ -1,0 +1,199 @@
+"""A run as a labelled dataset by the CF conventions, and as a NetCDF file."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float, Int8
+
+from formulations.solution import Status
+from obsplan import geo
+from obsplan.files import write_atomically
+from obsplan.run import Run
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+EPOCH = "seconds since 1970-01-01T00:00:00Z"  # CF wants a date; a simulated mission has none, and begins at zero
+UNITS = {"east": "m", "north": "m", "heading": "rad", "speed": "m s-1"}  # of the estimated state
+STATES = tuple(UNITS)
+NO_DECISION = -1  # fill value of the status flag
+CCW = "counter-clockwise from east"
+
+Variables = dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, Any]]]
+
+
+def to_dataset(run: Run) -> "xr.Dataset":
+    """Label a run: names as in ``tracks.csv``, units and standard names by the CF conventions, axes AUV and time."""
+    import xarray as xr
+
+    variables = {**_cna(run), **_auvs(run), **_decisions(run), **_derived(run)}
+    return xr.Dataset(variables, coords=_coordinates(run), attrs=_attributes(run))
+
+
+def write_netcdf(run: Run, path: Path) -> None:
+    """Write a run's dataset, laid out by `as_trajectories`, as NetCDF classic (64-bit offset); the same run gives the same bytes.
+
+    Raises
+    ------
+    ObsplanError
+        The file cannot be written; nothing is left behind.
+    """
+    content = as_trajectories(to_dataset(run)).to_netcdf(engine="scipy", format="NETCDF3_64BIT")
+    write_atomically(path, bytes(content))
+
+
+def as_trajectories(dataset: "xr.Dataset") -> "xr.Dataset":
+    """Lay a dataset out as CF wants trajectories (CF-1.11, H.4.1): everything, time too, by AUV and observation.
+
+    So the aid vehicle's path is repeated for each AUV, as in ``tracks.csv``; the covariance becomes one variable, with its unit, for each
+    entry of its lower triangle.
+    """
+    along = ("auv", "obs")
+    times = dataset["time"].variable
+    flat = dataset.drop_vars(["time", "state"]).rename_dims(time="obs").assign_coords(time=("obs", times.values, times.attrs))
+    for i, row in enumerate(STATES):
+        for j, column in enumerate(STATES[: i + 1]):
+            attributes = {"long_name": f"covariance of the estimated {row} and {column}", "units": f"{UNITS[row]} {UNITS[column]}"}
+            flat[f"cov_{row}_{column}"] = (along, dataset["covariance"].values[..., i, j], attributes)
+    flat = flat.drop_vars("covariance")
+    shape = (flat.sizes["auv"], flat.sizes["obs"])
+    for name, variable in flat.variables.items():
+        if variable.dims == ("obs",):
+            flat[name] = (along, np.broadcast_to(variable.values, shape), variable.attrs)
+        missing = np.issubdtype(variable.dtype, np.floating) and bool(np.isnan(variable.values).any())
+        flat[name].encoding["_FillValue"] = np.nan if missing else None
+    flat["status"].encoding["_FillValue"] = np.int8(NO_DECISION)
+    return flat
+
+
+def _attributes(run: Run) -> dict[str, Any]:
+    """What the file says of itself; no date, so that the same run gives the same bytes."""
+    from obsplan import __version__
+
+    table = run.scenario.table
+    return {
+        "Conventions": "CF-1.11",
+        "featureType": "trajectory",
+        "title": f"Aid vehicle and AUVs in {table.name} under {run.planner}",
+        "source": "simulation",
+        "history": f"written by obsplan {__version__}",
+        "comment": "x and y are local east and north about the origin on WGS 84; time is the mission's, its epoch nominal",
+        "scenario": table.name,
+        "planner": run.planner,
+        "seed": np.int32(run.seed) if run.seed < 2**31 else str(run.seed),
+        "version": __version__,
+        "condition_label": run.condition_label or "none",
+        "origin_latitude": table.origin.lat,
+        "origin_longitude": table.origin.lon,
+    }
+
+
+def _coordinates(run: Run) -> Variables:
+    lat, lon = _latlon(run, run.truth[..., :2])
+    time = {
+        "standard_name": "time",
+        "long_name": "mission time",
+        "units": EPOCH,
+        "calendar": "standard",
+        "axis": "T",
+        "units_metadata": "leap_seconds: none",
+    }
+    along = ("auv", "time")
+    return {
+        "time": (("time",), run.time, time),
+        "auv": (("auv",), np.array(run.names), {"cf_role": "trajectory_id", "long_name": "name of the AUV"}),
+        "state": (("state",), np.array(STATES), {"long_name": "component of the estimated state"}),
+        "lat": (along, lat, {**_latitude("true latitude of the AUV"), "axis": "Y"}),
+        "lon": (along, lon, {**_longitude("true longitude of the AUV"), "axis": "X"}),
+    }
+
+
+def _cna(run: Run) -> Variables:
+    lat, lon = _latlon(run, run.cna[:, :2])
+    return {
+        "cna_x": (("time",), run.cna[:, 0], _quantity("m", "east of the aid vehicle")),
+        "cna_y": (("time",), run.cna[:, 1], _quantity("m", "north of the aid vehicle")),
+        "cna_heading": (("time",), run.cna[:, 2], _quantity("rad", f"heading of the aid vehicle, {CCW}")),
+        "cna_turn_rate": (
+            ("time",),
+            run.turn_rate,
+            _quantity("rad s-1", "turn rate of the aid vehicle, positive to the left"),
+        ),
+        "cna_speed": (("time",), run.speed, _quantity("m s-1", "speed of the aid vehicle", "platform_speed_wrt_ground")),
+        "cna_lat": (("time",), lat, _latitude("latitude of the aid vehicle")),
+        "cna_lon": (("time",), lon, _longitude("longitude of the aid vehicle")),
+    }
+
+
+def _auvs(run: Run) -> Variables:
+    along = ("auv", "time")
+    est_lat, est_lon = _latlon(run, run.mean[..., :2])
+    squared = run.scenario.table.ranging.kind == "squared-range"
+    found: Variables = {}
+    for prefix, states, whose in (("auv", run.truth, "true"), ("est", run.mean, "estimated")):
+        found |= {
+            f"{prefix}_x": (along, states[..., 0], _quantity("m", f"{whose} east of the AUV")),
+            f"{prefix}_y": (along, states[..., 1], _quantity("m", f"{whose} north of the AUV")),
+            f"{prefix}_heading": (along, states[..., 2], _quantity("rad", f"{whose} heading of the AUV, {CCW}")),
+            f"{prefix}_speed": (
+                along,
+                states[..., 3],
+                _quantity("m s-1", f"{whose} speed of the AUV through the water", "platform_speed_wrt_sea_water"),
+            ),
+        }
+    covariance = {"long_name": "covariance of the estimate", "comment": "entries in products of m (east, north), rad and m s-1"}
+    return found | {
+        "est_lat": (along, est_lat, _latitude("estimated latitude of the AUV")),
+        "est_lon": (along, est_lon, _longitude("estimated longitude of the AUV")),
+        "covariance": ((*along, "state", "state_2"), run.covariance, covariance),
+        "range": (along, run.range, _quantity("m2" if squared else "m", f"measured {'squared ' * squared}range to the aid vehicle")),
+    }
+
+
+def _decisions(run: Run) -> Variables:
+    flags = {
+        "long_name": "how the decision came about",
+        "flag_values": np.array([s.value for s in Status], dtype=np.int8),
+        "flag_meanings": " ".join(s.label for s in Status),
+    }
+    condition = {"long_name": f"predicted condition number {run.condition_label}".strip(), "units": "1"}
+    return {
+        "condition": (("auv", "time"), run.condition, condition),
+        "score": (("time",), run.score, {"long_name": "the planner's own objective, in its own unit"}),
+        "status": (("time",), _flags(run.status), flags),
+    }
+
+
+def _derived(run: Run) -> Variables:
+    along = ("auv", "time")
+    bound = "root mean square position error by the posterior Cramer-Rao bound"
+    return {
+        "error": (along, run.error, _quantity("m", "distance between true and estimated position")),
+        "nees": (along, run.nees, _quantity("1", "normalised estimation error squared of the position, 2 degrees of freedom")),
+        "pcrb": (along, np.sqrt(run.cramer_rao[..., 0, 0] + run.cramer_rao[..., 1, 1]), _quantity("m", bound)),
+        "separation": (along, run.separation, _quantity("m", "true horizontal distance between aid vehicle and AUV")),
+    }
+
+
+def _flags(status: Float[np.ndarray, " samples"]) -> Int8[np.ndarray, " samples"]:
+    return np.where(np.isfinite(status), status, NO_DECISION).astype(np.int8)
+
+
+def _latlon(run: Run, xy: Float[np.ndarray, "*n 2"]) -> tuple[np.ndarray, np.ndarray]:
+    """Latitude and longitude [degrees] about the scenario's origin."""
+    origin = run.scenario.table.origin
+    latlon = geo.to_geographic(xy, (origin.lat, origin.lon))
+    return latlon[..., 0], latlon[..., 1]
+
+
+def _quantity(units: str, long_name: str, standard_name: str | None = None) -> dict[str, Any]:
+    return {"long_name": long_name, "units": units} | ({"standard_name": standard_name} if standard_name else {})
+
+
+def _latitude(long_name: str) -> dict[str, Any]:
+    return _quantity("degrees_north", long_name, "latitude")
+
+
+def _longitude(long_name: str) -> dict[str, Any]:
+    return _quantity("degrees_east", long_name, "longitude")

@@ -1,0 +1,30 @@
+"""Figures, tables, sentences and files from runs. Names load on first use: only figures need matplotlib, only tables rich."""
+
+from importlib import import_module
+from typing import Any
+
+_HOME = {
+    "compare_figure": "comparison",
+    "compare_table": "comparison",
+    "errors_figure": "errors",
+    "free_folder": "files",
+    "map_figure": "map",
+    "planner_notes": "verdict",
+    "run_table": "tables",
+    "verdicts": "verdict",
+    "write_comparison": "files",
+    "write_run": "files",
+}
+
+__all__ = [*_HOME]  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from the module that defines it."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'obsplan.report' has no public name {name!r}")
+    return getattr(import_module(f"obsplan.report.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return [*__all__]

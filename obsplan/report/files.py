@@ -1,0 +1,242 @@
+"""The files of a run: all of them, or no folder."""
+
+import csv
+import io
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomlkit
+import tomlkit.items
+from jaxtyping import Float
+
+from obsplan import geo
+from obsplan.files import write_atomically
+from obsplan.missions import Mission, write_geojson, write_waypoints
+from obsplan.planners import name_of
+from obsplan.recording import write_netcdf
+from obsplan.report.comparison import Rows, compare_figure
+from obsplan.run import Run
+from obsplan.types import ObsplanError
+
+DECIMALS = 6  # in tables: micrometres, microradians
+
+TRACK_COLUMNS = (
+    "time_s",
+    "cna_x_m",
+    "cna_y_m",
+    "cna_heading_rad",
+    "cna_turn_rate_radps",
+    "auv",
+    "auv_x_m",
+    "auv_y_m",
+    "auv_heading_rad",
+    "est_x_m",
+    "est_y_m",
+    "sigma_x_m",
+    "sigma_y_m",
+    "error_m",
+    "range_m",
+)
+
+
+def free_folder(out: Path | None, name: str) -> Path:
+    """Find where results can go: the folder asked for, else ``name``, ``name-2``, ... in the working directory.
+
+    Raises
+    ------
+    ObsplanError
+        The folder asked for exists, or nothing can be made where it should be.
+    """
+    folder = out or next(p for p in (Path(name if n == 1 else f"{name}-{n}") for n in count(1)) if not os.path.lexists(p))
+    _check_free(folder)
+    return folder
+
+
+def write_run(run: Run, folder: Path | str) -> None:
+    """Write a run's scenario, recording, tracks, paths for vehicles, figures and figures of merit into a new folder.
+
+    The files are made in a hidden folder beside it, which gets its name when they are complete; whatever happens before, nothing is left
+    behind. The same run gives the same bytes in every file but ``timing.json``.
+
+    Raises
+    ------
+    ObsplanError
+        The folder exists or cannot be written.
+    """
+    from obsplan.report.errors import errors_figure
+    from obsplan.report.map import map_figure
+    from obsplan.report.style import png
+
+    with new_folder(Path(folder)) as made:
+        write_atomically(made / "scenario.toml", scenario_toml(run))
+        write_netcdf(run, made / "tracks.nc")
+        write_atomically(made / "tracks.csv", tracks_csv(run))
+        write_geojson(made / "path.geojson", Mission(tracks=geographic_tracks(run), geographic=True))
+        write_waypoints(made / "path.waypoints", Mission(tracks={"cna": geographic_tracks(run)["cna"]}, geographic=True))
+        write_atomically(made / "map.png", png(partial(map_figure, run), trim=True))
+        write_atomically(made / "errors.png", png(partial(errors_figure, run)))
+        write_atomically(made / "summary.json", as_json(run.summary()))
+        write_atomically(made / "timing.json", as_json(timing(run)))
+
+
+def write_comparison(rows: Rows, folder: Path | str, title: str = "") -> None:
+    """Write ``compare.csv``, a row per planner and seed, and ``compare.png`` into a new folder, as `write_run` does.
+
+    Raises
+    ------
+    ObsplanError
+        The folder exists or cannot be written.
+    """
+    from obsplan.report.style import png
+
+    with new_folder(Path(folder)) as made:
+        columns = list(rows[0])
+        body = [["" if row[key] is None else rounded(row[key]) for key in columns] for row in rows]
+        write_atomically(made / "compare.csv", table_csv([columns, *body]))
+        write_atomically(made / "compare.png", png(partial(compare_figure, rows, title)))
+
+
+@contextmanager
+def new_folder(folder: Path) -> Iterator[Path]:
+    """Give a hidden folder to fill, and its name to it when that is done; on any exception remove it.
+
+    Raises
+    ------
+    ObsplanError
+        The folder exists or cannot be written.
+    """
+    _check_free(folder)
+    made = folder.parent / f".{folder.name}.{os.getpid()}.part"
+    try:
+        made.mkdir()
+        yield made
+        _check_free(folder)
+        made.rename(folder)
+    except (OSError, ObsplanError) as error:
+        reason = error if isinstance(error, OSError) else error.__cause__
+        if not isinstance(reason, OSError):
+            raise
+        raise ObsplanError(f"{folder} cannot be written ({reason.strerror}): choose another folder, or make room") from error
+    finally:
+        shutil.rmtree(made, ignore_errors=True)  # renamed, unless something went wrong
+
+
+def _check_free(folder: Path) -> None:
+    """Refuse a folder that cannot be made."""
+    if os.path.lexists(folder):
+        raise ObsplanError(f"{folder} exists and is not overwritten: give another folder, or remove it first")
+    if not folder.parent.is_dir():
+        raise ObsplanError(f"{folder} cannot be made, because {folder.parent} is not a folder: make that first, or give another")
+    if not os.access(folder.parent, os.W_OK | os.X_OK):
+        raise ObsplanError(f"{folder} cannot be made, because {folder.parent} cannot be written to: give another folder")
+
+
+def scenario_toml(run: Run) -> str:
+    """The scenario as a file that gives this run again, with nothing left to a default."""
+    data: dict[str, Any] = run.scenario.resolved() | {"seed": run.seed}
+    document = tomlkit.document()
+    document.add(tomlkit.comment(f"{data['name']} as it was run: every key, mission files replaced by their waypoints"))
+    if name_of(run.scenario.planner()) != run.planner:
+        document.add(tomlkit.comment(f"but steered by {run.planner}, a planner given from code, which this file cannot name"))
+    for key, value in data.items():
+        if not isinstance(value, dict) and key != "auv":
+            document.add(key, value)
+    for key, value in data.items():
+        if key == "auv":
+            document.add(key, tables(value))
+        elif isinstance(value, dict):
+            document.add(key, table(value))
+    return tomlkit.dumps(document)
+
+
+def tables(items: list[dict[str, Any]]) -> tomlkit.items.AoT:
+    """An array of tables."""
+    array = tomlkit.aot()
+    for item in items:
+        array.append(table(item))
+    return array
+
+
+def table(item: dict[str, Any]) -> tomlkit.items.Table:
+    """A table, with the tables inside it on one line each."""
+    made = tomlkit.table()
+    for key, value in item.items():
+        if isinstance(value, dict):
+            inline = tomlkit.inline_table()
+            inline.update(value)
+            made.add(key, inline)
+        else:
+            made.add(key, value)
+    return made
+
+
+def tracks_csv(run: Run) -> str:
+    """The recording as a table, one row per time and AUV; lengths to a micrometre.
+
+    ``range_m`` is empty between pings. Of a squared range it is the root, and empty where noise made it negative.
+    """
+    columns = [rounded(column) for column in (run.time, *run.cna.T, run.turn_rate)]
+    sigma = np.sqrt(np.maximum(np.diagonal(run.covariance, axis1=2, axis2=3), 0.0))
+    per_auv = []
+    for i, name in enumerate(run.names):
+        figures = (*run.truth[i, :, :3].T, *run.mean[i, :, :2].T, *sigma[i, :, :2].T, run.error[i], ranges(run)[i])
+        per_auv.append([*columns, [name] * run.time.size, *(rounded(figure) for figure in figures)])
+    rows = (row for at_once in zip(*(zip(*auv, strict=True) for auv in per_auv), strict=True) for row in at_once)
+    return table_csv([TRACK_COLUMNS, *rows])
+
+
+def ranges(run: Run) -> Float[np.ndarray, "auvs samples"]:
+    """Measured ranges [m]; nan without one."""
+    if run.scenario.table.ranging.kind == "range":
+        return run.range
+    return np.sqrt(np.where(run.range >= 0, run.range, np.nan))
+
+
+def rounded(values: Any) -> Any:
+    """Numbers as text to `DECIMALS`, nan as nothing; names and whole numbers as they are."""
+    if isinstance(values, np.ndarray):
+        return ["" if value != value else f"{value:.{DECIMALS}f}" for value in (values.round(DECIMALS) + 0.0).tolist()]  # no -0.000000
+    return f"{round(values, DECIMALS) + 0.0:.{DECIMALS}f}" if isinstance(values, float) else values
+
+
+def table_csv(rows: Any) -> str:
+    """Rows as comma-separated values."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
+
+
+def geographic_tracks(run: Run) -> dict[str, Float[np.ndarray, "_ 2"]]:
+    """Latitude and longitude of the aid vehicle's path ("cna") and of each AUV's track ("NAME-truth", "NAME-estimate").
+
+    A vehicle that never moves has one point.
+    """
+    tracks = {"cna": run.cna[:, :2]}
+    for i, name in enumerate(run.names):
+        tracks |= {f"{name}-truth": run.truth[i, :, :2], f"{name}-estimate": run.mean[i, :, :2]}
+    origin = run.scenario.table.origin
+    return {name: geo.to_geographic(xy[: None if np.ptp(xy, axis=0).any() else 1], (origin.lat, origin.lon)) for name, xy in tracks.items()}
+
+
+def timing(run: Run) -> dict[str, float | None]:
+    """How long it took; decisions that are part of the compiled step have no time of their own, and are null."""
+    steps, decisions = run.time.size - 1, run.timing.decision_seconds
+    return {
+        "decision_median_s": float(np.median(decisions)) if decisions else None,
+        "decision_max_s": max(decisions) if decisions else None,
+        "step_mean_s": run.timing.seconds / steps,
+        "steps_per_second": steps / run.timing.seconds,
+    }
+
+
+def as_json(data: dict[str, Any]) -> str:
+    """Strict JSON, readable."""
+    return json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False) + "\n"

@@ -1,0 +1,40 @@
+"""Figures of merit of a run as a table for the terminal."""
+
+from typing import Any
+
+from rich.table import Table
+from rich.text import Text
+
+from obsplan.run import Run
+
+COLUMNS = {  # heading of each figure of merit, and its decimals
+    "rms_error_m": ("RMS error [m]", 2),
+    "max_error_m": ("Worst [m]", 2),
+    "pcrb_rms_m": ("Cramér–Rao RMS [m]", 2),
+    "bound_rms_m": ("Least of any path [m]", 2),
+    "efficiency": ("Efficiency [-]", 2),
+    "mean_nees": ("NEES (2 if consistent)", 1),
+    "separation_mean_m": ("Separation: mean [m]", 1),
+    "separation_max_m": ("greatest [m]", 1),
+}
+
+
+def run_table(run: Run) -> Table:
+    """Tabulate each AUV's figures of merit, and those of all."""
+    summary = run.summary()
+    table = Table(title=Text(f"{summary['scenario']}, {summary['planner']}, seed {summary['seed']}"), title_justify="left")
+    table.add_column("AUV")
+    columns = [key for key in COLUMNS if key in summary["all"]]
+    for key in columns:
+        table.add_column(Text(COLUMNS[key][0]), justify="right")
+    for name, figures in summary["auv"].items():
+        table.add_row(Text(name), *(cell(figures[key], COLUMNS[key][1]) for key in columns))
+    if len(summary["auv"]) > 1:
+        table.add_section()
+        table.add_row("all", *(cell(summary["all"][key], COLUMNS[key][1]) for key in columns))
+    return table
+
+
+def cell(value: Any, decimals: int) -> str:
+    """A number, or a dash where there is none."""
+    return "–" if value is None else f"{value:.{decimals}f}" if abs(value) < 1e5 else f"{value:.1e}"
