@@ -14,6 +14,7 @@ from obsplan.scenario import Scenario, load, replanned
 from obsplan.simulation.inputs import mission_inputs
 from obsplan.simulation.native import native
 from obsplan.simulation.step import Carry, Inputs, Log, StepBuilder, full_array, shape_of
+from obsplan.surveys import Reference
 from obsplan.types import Belief, Pose
 
 CHUNK = 256  # steps between two looks at the clock and the keyboard
@@ -83,10 +84,10 @@ class ClosedLoop:
         start = self.scenario.start
         return self.planner.initial_pose(start) if hasattr(self.planner, "initial_pose") else start  # pyright: ignore[reportAttributeAccessIssue]
 
-    def fly(self, seed: int, *, progress: Progress | None = None) -> Run:
-        """Fly the mission under the noise of a seed."""
+    def fly(self, seed: int, *, start: Pose | None = None, progress: Progress | None = None) -> Run:
+        """Fly the mission under the noise of a seed, the aid vehicle from another ``start`` than `start` where one is given."""
         began, progress = perf_counter(), progress or (lambda _done, _steps: None)
-        first, inputs = mission_inputs(self.scenario, self.start, seed)
+        first, inputs = mission_inputs(self.scenario, start or self.start, seed)
         steps, auvs = len(inputs.time), len(self.scenario.table.auv)
         carry = Carry(*(np.concatenate([a[None], np.empty((steps, *a.shape))]) for a in first))
         log = Log(*(np.empty((steps, *shape_of(name, auvs))) for name in Log._fields))
@@ -130,7 +131,7 @@ class ClosedLoop:
         knowledge = scenario.table.planner.knowledge
         means = {"estimate": carry.reported, "survey": inputs.survey, "truth": carry.truth}[knowledge][k]
         covariances = full_array(carry.reported_covariance[k])
-        courses = [None if knowledge == "estimate" else lambda ahead, r=r: r.position(now + ahead) for r in scenario.references]
+        courses = [None if knowledge == "estimate" else course(*known, now) for known in zip(scenario.references, means, strict=True)]
         noises = scenario.process_noise(assumed=True)
         return [
             Belief(
@@ -139,10 +140,16 @@ class ClosedLoop:
                 process_noise=(float(noise[0]), float(noise[2]), float(noise[3])),
                 weight=auv.weight,
                 drift=scenario.table.environment.current,
-                course=course,
+                course=along,
             )
-            for mean, covariance, noise, auv, course in zip(means, covariances, noises, scenario.table.auv, courses, strict=True)
+            for mean, covariance, noise, auv, along in zip(means, covariances, noises, scenario.table.auv, courses, strict=True)
         ]
+
+
+def course(reference: Reference, mean: np.ndarray, now: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Positions ahead of where an AUV is known to be, the rest of its survey still before it."""
+    off = mean[:2] - reference.position(now)
+    return lambda ahead: reference.position(now + ahead) + off
 
 
 def pose_of(carry: Carry, k: int) -> Pose:

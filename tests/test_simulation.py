@@ -1,0 +1,359 @@
+"""The closed loop against a filter in plain numpy, arcs in complex numbers, and the rules of the schedule."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from oracles import NumpyEkf, Silent, Spy, arc, recording, scenario
+from scipy.stats import kstest
+
+import obsplan as op
+from formulations.solution import Status
+from obsplan.simulation import ClosedLoop
+from obsplan.simulation import inputs as loop_inputs
+from obsplan.simulation.inputs import mission_inputs
+
+QUIET = {"process_noise": {}, "first_estimate": {"sigma_position": 0.0, "sigma_heading_deg": 0.0, "sigma_speed": 0.0}}
+CURRENT = (0.4, -0.3)
+
+
+def quiet(**change):
+    """The short mission without process noise, its first estimates exact."""
+    keys = {f"auv__{i}__{key}": value for i in range(2) for key, value in QUIET.items()}
+    return scenario(**keys, **change)
+
+
+@dataclass
+class Wanderer:
+    """A user's planner: turn and speed at random, faster and slower than the vehicle cruises."""
+
+    generator: np.random.Generator = field(default_factory=lambda: np.random.default_rng(8))
+
+    def plan(self, pose, auvs, *, time=0.0):  # noqa: ARG002
+        turn_rate, speed = float(self.generator.uniform(-0.4, 0.4)), float(self.generator.uniform(0.0, 3.0))
+        path = np.array([[pose.x, pose.y, pose.heading]])
+        return op.Decision(turn_rate=turn_rate, speed=speed, path=path, score=turn_rate, status=Status.OPTIMAL)
+
+
+# Truth
+
+
+@pytest.mark.parametrize("current", [(0.0, 0.0), CURRENT])
+@pytest.mark.parametrize("time_step", [0.5, 0.25])
+def test_without_process_noise_the_truth_is_the_survey_with_its_corners(current, time_step):
+    mission = quiet(environment__current=current, time_step=time_step, duration=80.0)
+    run = op.simulate(mission)
+    for truth, reference in zip(run.truth, mission.references, strict=True):
+        np.testing.assert_allclose(truth[:, :2], reference.position(run.time), atol=1e-9)
+    assert max(reference.arrival[1] for reference in mission.references) < 80.0  # corners and the end are passed
+
+
+def test_process_noise_moves_the_truth_as_a_random_walk_of_its_strength():
+    mission = scenario(duration=2000.0, time_step=1.0, planner={"kind": "stationary"})
+    run = op.simulate(mission)
+    drift = run.truth[..., :2] - np.stack([r.position(run.time) for r in mission.references])
+    moved = np.diff(drift, axis=1).ravel()  # of 8000 increments; the heading's error adds V dt 0.0087 ≈ 0.013 m while under way
+    assert moved.std() == pytest.approx(0.05, rel=0.05)
+
+
+def test_aid_vehicle_moves_on_exact_arcs_at_the_turn_and_speed_recorded():
+    run = op.simulate(scenario(), planner=Wanderer())
+    assert np.unique(run.turn_rate).size == np.unique(run.speed).size == 20
+    for k in range(run.time.size - 1):
+        np.testing.assert_allclose(run.cna[k + 1], arc(run.cna[k], run.turn_rate[k], run.speed[k], 0.5), atol=1e-10)
+    np.testing.assert_array_equal(run.cna[0], [80.0, -30.0, np.deg2rad(140.0)])
+
+
+def test_command_is_held_between_decisions():
+    run = op.simulate(scenario(planner__interval=2.0), planner=Wanderer())
+    assert np.isfinite(run.score).nonzero()[0].tolist() == list(range(0, 40, 4))
+    np.testing.assert_array_equal(run.turn_rate[:-1], np.repeat(run.turn_rate[:-1:4], 4))
+    np.testing.assert_array_equal(run.score[:-1:4], run.turn_rate[:-1:4])
+
+
+# Filter
+
+
+@pytest.mark.parametrize("kind", ["range", "squared-range"])
+@pytest.mark.parametrize("current", [(0.0, 0.0), CURRENT])
+def test_estimates_are_those_of_a_filter_in_plain_numpy(kind, current):
+    noise = {"position": 0.08, "heading_deg": 1.0, "speed": 0.05}
+    mission = scenario(
+        ranging__kind=kind,
+        ranging__sigma=1.0 if kind == "range" else 60.0,
+        environment__current=current,
+        estimator={"process_noise": noise},
+    )
+    run = op.simulate(mission, seed=5)
+    _, inputs = mission_inputs(mission, mission.start, 5)
+    Q = 0.5 * np.diag([0.08, 0.08, np.deg2rad(1.0), 0.05]) ** 2
+    for i in range(2):
+        ekf = NumpyEkf(run.mean[i, 0], np.diag([2.0, 2.0, np.deg2rad(2.0), 0.5]) ** 2, Q, 0.5, current)
+        np.testing.assert_allclose(run.covariance[i, 0], ekf.P, rtol=1e-14)
+        for k in range(40):
+            made = inputs.steer[k, i] - run.truth[i, k, 2:]  # turn and change of speed, which the vehicle measures
+            ekf.predict(*made)
+            ekf.heading(run.truth[i, k + 1, 2] + inputs.heading_error[k, i, 0], np.deg2rad(1.0))
+            if (k + 1) % 4 == 0:
+                ekf.range(run.range[i, k + 1], run.cna[k + 1, :2], mission.table.ranging.sigma, kind == "squared-range")
+            np.testing.assert_allclose(run.mean[i, k + 1], ekf.x, atol=1e-9)
+            np.testing.assert_allclose(run.covariance[i, k + 1], ekf.P, atol=1e-9)
+
+
+def test_filter_certain_of_its_start_reckons_the_way_through_corners_and_current():
+    run = op.simulate(quiet(environment__current=CURRENT, duration=60.0))
+    np.testing.assert_allclose(run.mean, run.truth, atol=1e-9)
+    assert np.ptp(run.truth[0, :, 3]) > 0.1  # chords across corners change the speed: that input matters too
+    assert np.ptp(run.truth[0, :, 2]) > 0.5
+
+
+def test_first_estimates_are_drawn_with_their_stated_deviations():
+    loop = ClosedLoop(scenario=scenario(duration=0.5, planner={"kind": "stationary"}), planner=op.Stationary())
+    runs = [loop.fly(seed) for seed in range(300)]
+    errors = np.array([run.mean[:, 0] - run.truth[:, 0] for run in runs]).reshape(-1, 4) / [2.0, 2.0, np.deg2rad(2.0), 0.5]
+    assert kstest(errors.ravel(), "norm").pvalue > 0.01
+    np.testing.assert_allclose(np.corrcoef(errors.T), np.eye(4), atol=4 / np.sqrt(600))
+
+
+def consistent(**change):
+    """Missions of four AUVs ringed by a distant circle: ranges far greater than their errors, so that the filter is nearly linear."""
+    auv = {
+        "speed": 1.0,
+        "first_estimate": {"sigma_position": 1.0, "sigma_heading_deg": 2.0, "sigma_speed": 0.1},
+        "process_noise": {"position": 0.1, "heading_deg": 0.5, "speed": 0.03},
+    }
+    ways = [
+        [[0.0, 0.0], [20.0, 9.0], [20.0, 90.0]],
+        [[0.0, 9.0], [-90.0, 0.0]],
+        [[9.0, 0.0], [9.0, -20.0], [90.0, 0.0]],
+        [[-9.0, 0.0], [0.0, 90.0]],
+    ]
+    auvs = [{"name": f"{i}", "survey": {"kind": "waypoints", "points": way}, **auv} for i, way in enumerate(ways)]
+    circle = {"kind": "circle", "center": (0.0, 0.0), "radius": 200.0}
+    return scenario(auv=auvs, planner=circle, time_step=1.0, duration=60.0, cna__speed=10.0, ranging__sigma=1.0, **change)
+
+
+def final_nees(mission, missions):
+    """NEES at the end of independent missions, of each of the four AUVs."""
+    loop = ClosedLoop(scenario=mission, planner=mission.planner())
+    return np.concatenate([loop.fly(seed).nees[:, -1] for seed in range(missions)])
+
+
+def test_final_nees_over_independent_runs_is_chi_square():
+    nees = final_nees(consistent(), 100)
+    assert kstest(nees, "chi2", args=(2,)).pvalue > 0.01
+    assert kstest(1.5 * nees, "chi2", args=(2,)).pvalue < 1e-4  # negative control
+
+
+def test_filter_told_half_the_process_noise_is_found_out():
+    half = {"position": 0.05, "heading_deg": 0.25, "speed": 0.015}
+    assert kstest(final_nees(consistent(estimator={"process_noise": half}), 100), "chi2", args=(2,)).pvalue < 1e-4
+
+
+# Ranges
+
+
+def test_ranges_are_measured_at_their_interval_and_none_at_time_zero():
+    for interval in (0.5, 2.0, 7.5):
+        run = op.simulate(scenario(ranging__interval=interval))
+        pings = np.arange(1, int(20.0 / interval) + 1) * interval
+        for i in range(2):
+            np.testing.assert_array_equal(run.time[np.isfinite(run.range[i])], pings)
+
+
+@pytest.mark.parametrize(("kind", "power"), [("range", 1), ("squared-range", 2)])
+def test_range_error_is_normal_with_its_stated_deviation(kind, power):
+    mission = scenario(ranging__kind=kind, ranging__sigma=0.7, ranging__interval=0.5, duration=1000.0, planner={"kind": "stationary"})
+    run = op.simulate(mission)
+    error = (run.range - run.separation**power)[:, 1:] / 0.7
+    assert kstest(error.ravel(), "norm").pvalue > 0.01  # 4000 of them
+    assert kstest(1.1 * error.ravel(), "norm").pvalue < 0.01  # negative control
+    assert abs(np.corrcoef(error)[0, 1]) < 4 / np.sqrt(2000)
+
+
+# Noise
+
+
+def range_error(run):
+    """Measured less true range at the pings."""
+    return (run.range - run.separation)[:, run.scenario.pings]
+
+
+def test_same_seed_gives_the_same_bytes_and_another_seed_other_noise():
+    mission = scenario(seed=3)
+    first, again, by_name = op.simulate(mission), op.simulate(mission), op.simulate(mission, seed=3)
+    other = op.simulate(mission, seed=4)
+    assert recording(first) == recording(again) == recording(by_name)
+    assert (first.seed, other.seed) == (3, 4)
+    for name in ("truth", "mean", "range"):
+        assert recording(first)[name] != recording(other)[name]
+
+
+@pytest.mark.parametrize("planner", ["gramian", "circle", "stationary", Wanderer()], ids=str)
+def test_every_planner_meets_the_same_noise(planner):
+    mission = scenario()
+    ours, theirs = op.simulate(mission), op.simulate(mission, planner=planner)
+    assert not np.array_equal(ours.cna, theirs.cna)
+    np.testing.assert_array_equal(ours.truth, theirs.truth)
+    np.testing.assert_array_equal(ours.mean[:, :4], theirs.mean[:, :4])  # the first estimate, and headings up to the first ping
+    np.testing.assert_allclose(range_error(ours), range_error(theirs), atol=1e-12)
+    deaf = scenario(ranging__interval=1000.0)
+    np.testing.assert_array_equal(op.simulate(deaf).mean, op.simulate(deaf, planner=planner).mean)  # so all headings are the same
+
+
+def test_process_and_measurement_noise_come_from_streams_of_their_own():
+    louder = {"position": 0.5, "heading_deg": 5.0, "speed": 0.2}
+    one, other = op.simulate(scenario()), op.simulate(scenario(auv__0__process_noise=louder))
+    assert not np.array_equal(one.truth[0], other.truth[0])
+    np.testing.assert_allclose(range_error(one), range_error(other), atol=1e-12)
+    precise = op.simulate(scenario(ranging__sigma=0.25))
+    np.testing.assert_array_equal(one.truth, precise.truth)
+    np.testing.assert_allclose(range_error(one) / 4, range_error(precise), atol=1e-12)
+
+
+def test_longer_missions_begin_as_shorter_ones():
+    short, long = op.simulate(scenario(duration=10.0)), op.simulate(scenario(duration=20.0))
+    np.testing.assert_allclose(short.truth[..., :2], long.truth[:, :21, :2], atol=1e-12)
+    np.testing.assert_array_equal(short.mean[:, 0], long.mean[:, 0])
+
+
+def test_silence_leaves_no_noise(monkeypatch):
+    monkeypatch.setattr(loop_inputs, "streams", lambda seed: [Silent] * 3)  # noqa: ARG005
+    run = op.simulate(scenario())
+    np.testing.assert_allclose(range_error(run), 0.0, atol=1e-12)
+    np.testing.assert_allclose(run.mean, run.truth, atol=1e-9)
+
+
+# What the planner is told
+
+
+def spied(knowledge, **change):
+    """A run, and what its planner was told at each decision."""
+    mission = scenario(planner={"kind": "path-inertia", "knowledge": knowledge}, environment__current=CURRENT, **change)
+    spy = Spy(mission.planner())
+    run = op.simulate(mission, planner=spy)
+    assert [time for time, *_ in spy.said] == run.time[:-1].tolist()
+    return run, [auvs for _, _, auvs, _ in spy.said]
+
+
+AHEAD = np.array([0.0, 1.0, 9.0])
+
+
+def last_report(run, i, k):
+    """What an AUV reported at its last ping, dead-reckoned to sample k by the filter in plain numpy."""
+    Q = 0.5 * np.diag([0.05, 0.05, np.deg2rad(0.5), 0.02]) ** 2
+    ping = k - k % 4
+    reckoning = NumpyEkf(run.mean[i, ping], run.covariance[i, ping], Q, 0.5, CURRENT)
+    for _ in range(k - ping):
+        reckoning.predict(0.0, 0.0)
+    return reckoning
+
+
+def test_estimate_is_the_last_report_dead_reckoned_since():
+    run, told = spied("estimate", auv__1__weight=3.0)
+    for k, auvs in enumerate(told):
+        for i, auv in enumerate(auvs):
+            np.testing.assert_allclose(auv.mean, last_report(run, i, k).x, atol=1e-12)
+            _, _, heading, speed = auv.mean
+            velocity = speed * np.array([np.cos(heading), np.sin(heading)]) + CURRENT
+            np.testing.assert_allclose(auv.ahead(AHEAD), auv.mean[:2] + AHEAD[:, None] * velocity, atol=1e-12)
+            assert auv.process_noise == pytest.approx((0.05, np.deg2rad(0.5), 0.02))
+            assert auv.weight == (1.0, 3.0)[i]
+            assert auv.drift == CURRENT
+
+
+@pytest.mark.parametrize("knowledge", ["estimate", "survey", "truth"])
+def test_whatever_is_known_the_uncertainty_told_is_that_reported(knowledge):
+    run, told = spied(knowledge)
+    for k, auvs in enumerate(told):
+        for i, auv in enumerate(auvs):
+            np.testing.assert_allclose(auv.covariance, last_report(run, i, k).P, atol=1e-12)
+
+
+def test_survey_is_the_plan_filed_before_the_dive():
+    run, told = spied("survey")
+    for k, auvs in enumerate(told):
+        for auv, reference in zip(auvs, run.scenario.references, strict=True):
+            np.testing.assert_allclose(auv.ahead(AHEAD), reference.position(run.time[k] + AHEAD), atol=1e-12)
+            np.testing.assert_allclose(auv.mean[:2], auv.ahead(AHEAD)[0], atol=1e-12)
+    assert not np.allclose(told[-1][0].mean[:2], run.truth[0, -2, :2], atol=1e-3)  # which process noise has left
+
+
+def test_truth_is_the_truth_now_and_the_rest_of_the_survey_from_there():
+    run, told = spied("truth")
+    for k, auvs in enumerate(told):
+        for auv, reference, truth in zip(auvs, run.scenario.references, run.truth, strict=True):
+            np.testing.assert_array_equal(auv.mean, truth[k])
+            np.testing.assert_allclose(auv.ahead(AHEAD)[0], truth[k, :2], atol=1e-12)
+            ahead = reference.position(run.time[k] + AHEAD)
+            np.testing.assert_allclose(np.diff(auv.ahead(AHEAD), axis=0), np.diff(ahead, axis=0), atol=1e-12)
+
+
+def test_planner_that_knows_less_does_not_do_the_same():
+    runs = {knowledge: op.simulate(scenario(planner__knowledge=knowledge)) for knowledge in ("truth", "survey", "estimate")}
+    assert len({run.cna.tobytes() for run in runs.values()}) == 3
+
+
+# Lengths, chunks, progress
+
+
+@pytest.mark.parametrize("steps", [1, 2, 255, 256, 257, 513])
+@pytest.mark.parametrize("folded", [True, False], ids=["folded", "walked"])
+def test_mission_of_any_number_of_steps_is_flown_whole(steps, folded):
+    mission, calls = quiet(duration=0.5 * steps), []
+    planner = mission.planner() if folded else Spy(mission.planner())
+    run = op.simulate(mission, planner=planner, progress=lambda done, total: calls.append((done, total)))
+    assert run.time.size == steps + 1
+    assert calls[-1] == (steps, steps)
+    assert all(total == steps for _, total in calls)
+    assert [done for done, _ in calls] == sorted({done for done, _ in calls})
+    assert len(calls) == -(-steps // 256)
+    for k in range(steps):
+        np.testing.assert_allclose(run.cna[k + 1], arc(run.cna[k], run.turn_rate[k], run.speed[k], 0.5), atol=1e-10)
+    for truth, reference in zip(run.truth, mission.references, strict=True):
+        np.testing.assert_allclose(truth[:, :2], reference.position(run.time), atol=1e-9)
+
+
+def test_duration_that_is_no_whole_number_of_steps_is_covered():
+    assert op.simulate(scenario(duration=20.1)).time[-1] == 20.5
+    survey = max(reference.duration for reference in scenario().references)
+    run = op.simulate(scenario(duration=None))
+    assert survey <= run.time[-1] < survey + 0.5
+
+
+@pytest.mark.parametrize(("key", "name"), [("ranging__interval", "ranging.interval"), ("planner__interval", "planner.interval")])
+def test_interval_that_is_no_multiple_of_the_step_is_refused(key, name):
+    with pytest.raises(op.ObsplanError, match=rf"{name}: 0\.7 s is not a whole multiple of time_step = 0\.5 s; change one of them"):
+        scenario(**{key: 0.7})
+
+
+def test_planner_is_given_by_name_by_object_or_by_the_scenario():
+    mission = scenario()
+    assert op.simulate(mission).planner == "path-inertia"
+    assert op.simulate(mission, planner="circle").planner == "circle"
+    assert op.simulate(mission, planner=Wanderer()).planner == "Wanderer"
+    assert recording(op.simulate(mission, planner="path-inertia")) == recording(op.simulate(mission))
+    with pytest.raises(op.ObsplanError, match='no planner "path-inertai"; did you mean "path-inertia"'):
+        op.simulate(mission, planner="path-inertai")
+
+
+def test_one_compiled_loop_flies_many_missions_as_each_would_fly_alone():
+    mission = scenario()
+    loop = ClosedLoop(scenario=mission, planner=mission.planner())
+    for seed in (1, 2, 1):
+        assert recording(loop.fly(seed)) == recording(op.simulate(mission, seed=seed))
+
+
+def test_machine_code_flies_the_same_mission_to_the_last_bit(tmp_path, monkeypatch):
+    monkeypatch.setenv("OBSPLAN_CACHE", str(tmp_path))
+    mission = scenario()
+    loop = ClosedLoop(scenario=mission, planner=mission.planner(), compiled=True)
+    assert recording(loop.fly(1)) == recording(op.simulate(mission, seed=1))
+
+
+def test_decisions_outside_the_step_are_timed_and_folded_ones_are_not():
+    mission = scenario()
+    assert op.simulate(mission).timing.decision_seconds == []
+    timing = op.simulate(mission, planner=Spy(mission.planner())).timing
+    assert len(timing.decision_seconds) == 20
+    assert 0 < sum(timing.decision_seconds) < timing.seconds
