@@ -43,6 +43,9 @@ class Targets(NamedTuple):
         return ca.vertcat(speed * ca.cos(heading), speed * ca.sin(heading)) + self.drift
 
 
+ROWS = {"mean": 4, "drift": 2, "position_covariance": 3, "weight": 1}  # of each of the targets, where AUVs are columns
+
+
 class Command(NamedTuple):
     """A decision as expressions; ``condition`` has one entry per AUV, nan where the planner has none."""
 
@@ -109,9 +112,7 @@ def evaluate(planner: SteeringPlanner, pose: Pose, auvs: Sequence[Belief], time:
     state = [pose.x, pose.y, pose.heading, pose.turn_rate]
     if not np.isfinite(state).all():
         return straight_on(planner.cna, pose, Status.INVALID_INPUT, len(auvs))
-    known = [[auv.mean, auv.drift, auv.covariance[[0, 0, 1], [0, 1, 1]], [auv.weight]] for auv in auvs]
-    targets = [ca.DM(np.array(rows, dtype=float).reshape(len(auvs), -1).T) for rows in zip(*known, strict=True)]
-    results = compiled(planner, len(auvs))(time, state, *targets)
+    results = compiled(planner, len(auvs)).call([ca.DM(time), ca.DM(state), *columns(auvs)])
     turn_rate, speed, score, condition, status = (result.full().ravel() for result in results)
     return Decision(
         turn_rate=float(turn_rate[0]),
@@ -123,6 +124,14 @@ def evaluate(planner: SteeringPlanner, pose: Pose, auvs: Sequence[Belief], time:
     )
 
 
+def columns(auvs: Sequence[Belief]) -> list[ca.DM]:
+    """Beliefs as the targets that `compiled` takes, one column per AUV."""
+    mean, drift, weight = [auv.mean for auv in auvs], [auv.drift for auv in auvs], [auv.weight for auv in auvs]
+    covariance = [auv.covariance[[0, 0, 1], [0, 1, 1]] for auv in auvs]
+    rows = zip((mean, drift, covariance, weight), ROWS.values(), strict=True)
+    return [ca.DM(np.reshape(np.array(values, dtype=float), (len(auvs), n)).T) for values, n in rows]
+
+
 @lru_cache(maxsize=64)
 def compiled(planner: Planner, n_auvs: int) -> ca.Function:
     """The planner's expression for a number of AUVs as a Function, built once."""
@@ -130,8 +139,7 @@ def compiled(planner: Planner, n_auvs: int) -> ca.Function:
     if expression is None:
         raise TypeError(f"{type(planner).__name__} has no expression; call its plan instead")
     time, pose = ca.SX.sym("time"), ca.SX.sym("pose", 4)  # pyright: ignore[reportArgumentType, reportCallIssue]
-    rows = {"mean": 4, "drift": 2, "position_covariance": 3, "weight": 1}
-    symbols = [ca.SX.sym(name, rows[name], n_auvs) for name in Targets._fields]  # pyright: ignore[reportArgumentType, reportCallIssue]
+    symbols = [ca.SX.sym(name, rows, n_auvs) for name, rows in ROWS.items()]  # pyright: ignore[reportArgumentType, reportCallIssue]
     targets = Targets(*symbols)._replace(weight=symbols[-1].T)
     return ca.Function("decision", [time, pose, *symbols], list(guarded(expression, time, pose, targets)))
 
