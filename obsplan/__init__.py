@@ -13,6 +13,7 @@ _HOME = {
     "Circle": "planners.circle",
     "Decision": "types",
     "GramianHorizon": "planners.gramian",
+    "InformationHorizon": "planners.information",
     "ObsplanError": "types",
     "PathInertia": "planners.path_inertia",
     "Pose": "types",

@@ -9,6 +9,7 @@ from typing import Any
 PLANNERS = {
     "path-inertia": "obsplan.planners.path_inertia:PathInertia",
     "gramian": "obsplan.planners.gramian:GramianHorizon",
+    "information": "obsplan.planners.information:InformationHorizon",
     "circle": "obsplan.planners.circle:Circle",
     "stationary": "obsplan.planners.stationary:Stationary",
 }

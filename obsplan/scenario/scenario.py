@@ -184,7 +184,8 @@ class Scenario:
             return self.cna
         if name in ("center", "radius"):
             return self._survey_circle[name]
-        return {"ping_interval": self.table.ranging.interval, "sigma": self.table.ranging.sigma}[name]
+        ranging = self.table.ranging
+        return {"ping_interval": ranging.interval, "sigma": ranging.sigma, "ranging_kind": ranging.kind}[name]
 
     @cached_property
     def _survey_circle(self) -> dict[str, Any]:

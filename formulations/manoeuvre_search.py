@@ -1,0 +1,192 @@
+r"""Search for the manoeuvre after which AUVs know best where they are: beam search over constant turns, covariances predicted.
+
+State of an AUV: (east, north [m], heading [rad], speed through the water [m/s]). Over a stage of h seconds at heading ψ and speed V
+
+.. math:: P \leftarrow F P F^\top + Q h + (A Q + Q A^\top) \tfrac{h^2}{2} + A Q A^\top \tfrac{h^3}{3}, \quad F = I + A h,
+
+A having the columns (-V sin ψ, V cos ψ) and (cos ψ, sin ψ) of the heading and the speed; A² = 0 makes it exact. The heading's own variance
+stays as it is: the compass makes up for its drift. At the stage's end n ranges of variance σ² bring, along the line of sight u with
+v normal to it and d the distance,
+
+.. math:: P \leftarrow (P^{-1} + u u^\top / R)^{-1}, \quad R = \sigma^2 / n + \tfrac{3}{4} (v^\top P v / d)^2.
+
+The second term is the mean square of the range's second-order error, which the filter neglects and which repeated ranges share; it keeps the
+aid vehicle away from an AUV that is closer than it is sure of. (Jazwinski 1970, section 9.3: second-order filters.)
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+CRITERIA = ("trace", "log-det")
+ARC_POINTS = 8  # positions at which an arc is held against the constraints
+TINY = 1e-30  # [m^4]; a position known exactly has no logarithm
+
+Violation = Callable[[Float[np.ndarray, "*batch 2"], float], Float[np.ndarray, "*batch"]]
+
+
+class Stages(NamedTuple):
+    """The horizon cut into stages, ranges coming at the end of each."""
+
+    duration: Float[np.ndarray, " S"]  # [s]
+    pings: Float[np.ndarray, " S"]  # number of ranges to each AUV
+
+
+class Tracks(NamedTuple):
+    """Where M AUVs are expected at the end of each stage, and how they move during it."""
+
+    position: Float[np.ndarray, "S M 2"]  # [m]
+    heading: Float[np.ndarray, "S M"]  # [rad]
+    speed: Float[np.ndarray, "S M"]  # through the water [m/s]
+
+
+class Manoeuvre(NamedTuple):
+    """The best sequence of turns found."""
+
+    turn_rates: Float[np.ndarray, " S"]  # [rad/s]
+    score: float  # the criterion [m^2], or [-] for log-det
+    violation: float  # of the constraints, along the whole path [m]
+
+
+class Ranging(NamedTuple):
+    """How ranges err."""
+
+    sigma: float  # [m], of a squared range [m^2]
+    squared: bool = False
+
+
+def ping_stages(time: float, interval: float, horizon: float, count: int) -> Stages:
+    """Cut a horizon [s] into stages that end at pings, which come every ``interval`` [s] counted from time 0.
+
+    Pings farther apart than horizon / count make a stage each, the first one shorter; closer ones are counted together.
+    """
+    length = horizon / count
+    if interval <= length:
+        return Stages(np.full(count, length), np.full(count, length / interval))
+    first = interval - time % interval
+    first = interval if first < 1e-6 * interval else first  # rounding of a time that is itself a ping's
+    return Stages(np.concatenate([[first], np.full(count - 1, interval)]), np.ones(count))
+
+
+def turn_candidates(max_turn_rate: float, count: int) -> Float[np.ndarray, " K"]:
+    """Turn rates to try at each stage [rad/s], from left to right: straight on, and pairs that fall off threefold from the limit."""
+    side = max_turn_rate / 3.0 ** np.arange(count // 2)
+    return np.concatenate([side, [0.0], -side[::-1]])
+
+
+class _Beam(NamedTuple):
+    """Sequences of turns under consideration."""
+
+    pose: np.ndarray  # B x 3
+    covariance: np.ndarray  # B x M x 4 x 4
+    cost: np.ndarray  # B
+    violation: np.ndarray  # B [m]
+    turns: np.ndarray  # B x stages so far
+
+
+def search_manoeuvres(
+    pose: Float[np.ndarray, "3"],
+    covariance: Float[np.ndarray, "M 4 4"],
+    *,
+    tracks: Tracks,
+    process_noise: Float[np.ndarray, "M 4"],
+    weights: Float[np.ndarray, " M"],
+    stages: Stages,
+    turn_rates: Float[np.ndarray, " K"],
+    speed: float,
+    ranging: Ranging,
+    criterion: str = "trace",
+    beam_width: int = 32,
+    violation: Violation | None = None,
+) -> Manoeuvre:
+    """Find the turns, one a stage, that make the AUVs' position covariances smallest over the horizon.
+
+    Parameters
+    ----------
+    pose
+        Of the aid vehicle: east, north [m], heading [rad].
+    covariance, process_noise
+        Of each AUV's state now; standard deviations of its random walk per square root of a second.
+    tracks, weights
+        Where the AUVs are expected, and what each counts.
+    stages, turn_rates, speed, ranging
+        Of the aid vehicle's horizon, its candidates at each stage [rad/s], its speed [m/s]; how ranges err.
+    criterion
+        ``trace`` [m²] or ``log-det`` [-] of the position covariance after each stage, weighted by the AUVs and averaged over time.
+    beam_width
+        Sequences kept after each stage: those that violate least, of these the cheapest.
+    violation
+        How far [m] positions (..., 2) at a time from now [s] are on the wrong side of a constraint, at most 0 where they are right.
+
+    Returns
+    -------
+    The best sequence of the last beam; of equals the one that comes first, turning left.
+    """
+    beam = _Beam(pose[None], covariance[None], np.zeros(1), np.zeros(1), np.empty((1, 0)))
+    weights, elapsed, total = weights / weights.sum(), 0.0, stages.duration.sum()
+    for s, (duration, pings) in enumerate(zip(*stages, strict=True)):
+        now = Tracks(*(part[s] for part in tracks))
+        predicted = predict_covariance(beam.covariance, now, process_noise, float(duration))
+        poses, arcs = _turned(beam.pose, turn_rates, speed, float(duration))
+        updated = range_update(predicted[:, None], poses[..., None, :2] - now.position, ranging, float(pings))
+        cost = beam.cost[:, None] + _criterion(updated, criterion) @ weights * (duration / total)
+        worst = np.broadcast_to(beam.violation[:, None], cost.shape)
+        if violation is not None:
+            times = elapsed + duration * np.arange(1, ARC_POINTS + 1) / ARC_POINTS
+            worst = np.maximum(worst, np.max([violation(arcs[..., i, :], t) for i, t in enumerate(times)], axis=0))
+        keep = np.lexsort((cost.ravel(), worst.ravel()))[:beam_width]
+        parent, turn = np.divmod(keep, len(turn_rates))
+        turns = np.column_stack([beam.turns[parent], turn_rates[turn]])
+        beam = _Beam(poses[parent, turn], updated[parent, turn], cost.ravel()[keep], worst.ravel()[keep], turns)
+        elapsed += float(duration)
+    return Manoeuvre(beam.turns[0], float(beam.cost[0]), float(beam.violation[0]))
+
+
+def predict_covariance(
+    P: Float[np.ndarray, "B M 4 4"], track: Tracks, process_noise: Float[np.ndarray, "M 4"], duration: float
+) -> Float[np.ndarray, "B M 4 4"]:
+    """Covariances after a stage without ranges; see the module."""
+    A = np.zeros((len(process_noise), 4, 4))
+    cos, sin = np.cos(track.heading), np.sin(track.heading)
+    A[:, 0, 2], A[:, 1, 2], A[:, 0, 3], A[:, 1, 3] = -track.speed * sin, track.speed * cos, cos, sin
+    variance = process_noise**2 * [1.0, 1.0, 0.0, 1.0]
+    Q, At = variance[:, :, None] * np.eye(4), A.swapaxes(-1, -2)
+    F = np.eye(4) + A * duration
+    grown = Q * duration + (A @ Q + Q @ At) * (duration**2 / 2) + A @ Q @ At * (duration**3 / 3)
+    return F @ P @ F.swapaxes(-1, -2) + grown
+
+
+def range_update(P: Float[np.ndarray, "B 1 M 4 4"], x: Float[np.ndarray, "B K M 2"], ranging: Ranging, pings: float) -> np.ndarray:
+    """Covariances (B, K, M, 4, 4) after ranges from relative positions x [m]; a range from on top of an AUV tells nothing."""
+    d2 = np.sum(x**2, axis=-1)
+    apart = d2 > 0
+    safe = np.where(apart, d2, 1.0)
+    u = x / np.sqrt(safe)[..., None]
+    v = np.stack([-u[..., 1], u[..., 0]], axis=-1)
+    along, across = (np.einsum("...i,...ij,...j->...", w, P[..., :2, :2], w) for w in (u, v))
+    if ranging.squared:
+        R = ranging.sigma**2 / (4 * safe * pings) + (3 * along**2 + 3 * across**2 + 2 * along * across) / (4 * safe)
+    else:
+        R = ranging.sigma**2 / pings + 0.75 * across**2 / safe
+    Pu = np.einsum("...ij,...j->...i", P[..., :, :2], u)
+    gain = np.where(apart, 1.0 / (R + along), 0.0)
+    return P - gain[..., None, None] * Pu[..., :, None] * Pu[..., None, :]
+
+
+def _turned(pose: np.ndarray, turn_rates: np.ndarray, speed: float, duration: float) -> tuple[np.ndarray, np.ndarray]:
+    """Poses (B, K, 3) after each turn, and positions (B, K, ARC_POINTS, 2) along it."""
+    time = duration * np.arange(1, ARC_POINTS + 1) / ARC_POINTS
+    half = 0.5 * turn_rates[:, None] * time
+    heading = pose[:, None, None, 2] + half
+    chord = speed * time * np.sinc(half / np.pi)
+    arcs = pose[:, None, None, :2] + chord[..., None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+    return np.concatenate([arcs[:, :, -1], (heading + half)[:, :, -1:]], axis=-1), arcs
+
+
+def _criterion(P: np.ndarray, name: str) -> np.ndarray:
+    """Trace or log det of the position covariance."""
+    if name == "trace":
+        return P[..., 0, 0] + P[..., 1, 1]
+    return np.log(np.maximum(P[..., 0, 0] * P[..., 1, 1] - P[..., 0, 1] ** 2, TINY))

@@ -1,0 +1,91 @@
+"""Information horizon: look ahead at what the AUVs will know, and take the turns after which they know most."""
+
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+
+from formulations.manoeuvre_search import CRITERIA, Manoeuvre, Ranging, Stages, Tracks, ping_stages, search_manoeuvres, turn_candidates
+from formulations.solution import Status
+from obsplan.planners.protocol import unusable
+from obsplan.types import Belief, Decision, Pose
+from obsplan.vehicles import Unicycle
+
+
+@dataclass(frozen=True)
+class InformationHorizon:
+    """Search a tree of constant turns for the least predicted position covariance of the moving AUVs over the horizon.
+
+    Each AUV's own covariance is predicted with its process noise along its survey or course, ranges coming at the pings, their second-order
+    error counted (`formulations.manoeuvre_search`). The tree has ``stages`` levels of ``turn_rates`` branches, and a beam of ``beam_width``
+    is kept. Where pings are rare a stage lasts from ping to ping and the horizon is that much longer. ``score`` is the mean over the
+    horizon of the criterion, [m^2] or [-].
+    """
+
+    condition_label = ""
+
+    cna: Unicycle
+    _: KW_ONLY
+    ping_interval: Annotated[float, "time between ranges [s]; default: the scenario's"]
+    sigma: Annotated[float, "standard deviation of a range [m], or squared range [m^2]; default: the scenario's"]
+    ranging_kind: Annotated[Literal["range", "squared-range"], "what is measured; default: the scenario's"] = "range"
+    criterion: Annotated[Literal["trace", "log-det"], "of the position covariance, averaged over the horizon"] = "trace"
+    horizon: Annotated[float, "least look-ahead [s]"] = 20.0
+    stages: Annotated[int, "levels of the tree, at least 1"] = 6
+    turn_rates: Annotated[int, "branches at each level, odd and at least 3"] = 7
+    beam_width: Annotated[int, "sequences kept at each level, at least 1"] = 32
+
+    def __post_init__(self) -> None:
+        for name, unit in (("ping_interval", "s"), ("sigma", "m"), ("horizon", "s")):
+            if not 0 < getattr(self, name) < np.inf:
+                raise ValueError(f"{name} must be positive and finite [{unit}], got {getattr(self, name)}")
+        if self.criterion not in CRITERIA:
+            raise ValueError(f'criterion must be one of {", ".join(CRITERIA)}, got "{self.criterion}"')
+        if self.turn_rates < 3 or self.turn_rates % 2 == 0:
+            raise ValueError(f"turn_rates must be odd and at least 3, straight on and pairs, got {self.turn_rates}")
+        for name in ("stages", "beam_width"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+
+    def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
+        """Choose the first turn of the best sequence found."""
+        return unusable(self, pose, auvs) or self._search(pose, auvs, time)
+
+    def _search(self, pose: Pose, auvs: Sequence[Belief], time: float) -> Decision:
+        stages = ping_stages(time, self.ping_interval, self.horizon, self.stages)
+        best = search_manoeuvres(
+            np.array([pose.x, pose.y, pose.heading]),
+            np.array([auv.covariance for auv in auvs]),
+            tracks=predicted_tracks(auvs, stages),
+            process_noise=np.array([[noise[0], noise[0], noise[1], noise[2]] for noise in (auv.process_noise for auv in auvs)]),
+            weights=np.array([auv.weight for auv in auvs], dtype=float),
+            stages=stages,
+            turn_rates=turn_candidates(self.cna.max_turn_rate, self.turn_rates),
+            speed=self.cna.speed,
+            ranging=Ranging(self.sigma, self.ranging_kind == "squared-range"),
+            criterion=self.criterion,
+            beam_width=self.beam_width,
+        )
+        turn_rate = float(best.turn_rates[0])
+        path = manoeuvre_path(pose, best, stages, self.cna.speed)
+        nothing = np.full(len(auvs), np.nan)
+        return Decision(turn_rate=turn_rate, speed=self.cna.speed, path=path, score=best.score, status=Status.OPTIMAL, condition=nothing)
+
+
+def predicted_tracks(auvs: Sequence[Belief], stages: Stages) -> Tracks:
+    """Where the AUVs are expected at the end of each stage, and their mean velocity through the water during it."""
+    ends = np.concatenate([[0.0], np.cumsum(stages.duration)])
+    position = np.stack([auv.ahead(ends) for auv in auvs], axis=1)
+    water = np.diff(position, axis=0) / stages.duration[:, None, None] - np.array([auv.drift for auv in auvs])
+    return Tracks(position[1:], np.arctan2(water[..., 1], water[..., 0]), np.hypot(water[..., 0], water[..., 1]))
+
+
+def manoeuvre_path(pose: Pose, manoeuvre: Manoeuvre, stages: Stages, speed: float) -> np.ndarray:
+    """Poses (stages + 1, 3) at the ends of the stages."""
+    heading = pose.heading + np.concatenate([[0.0], np.cumsum(manoeuvre.turn_rates * stages.duration)])
+    half = 0.5 * manoeuvre.turn_rates * stages.duration
+    chord = speed * stages.duration * np.sinc(half / np.pi)
+    steps = chord[:, None] * np.stack([np.cos(heading[:-1] + half), np.sin(heading[:-1] + half)], axis=-1)
+    position = np.array([pose.x, pose.y]) + np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    return np.column_stack([position, heading])
