@@ -10,8 +10,8 @@ v normal to it and d the distance,
 
 .. math:: P \leftarrow (P^{-1} + u u^\top / R)^{-1}, \quad R = \sigma^2 / n + \tfrac{3}{4} (v^\top P v / d)^2.
 
-The second term is the mean square of the range's second-order error, which the filter neglects and which repeated ranges share; it keeps the
-aid vehicle away from an AUV that is closer than it is sure of. (Jazwinski 1970, section 9.3: second-order filters.)
+The second term is the mean square of the range's second-order error, which the filter neglects and which repeated ranges share; it keeps
+the aid vehicle away from an AUV that is closer than it is sure of. (Jazwinski 1970, section 9.3: second-order filters.)
 """
 
 from collections.abc import Callable

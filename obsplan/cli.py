@@ -16,6 +16,8 @@ app = typer.Typer(
     rich_markup_mode="rich",
 )
 
+INTERRUPTED = 130  # exit code of a program that Ctrl-C ended
+
 ScenarioName = Annotated[str, typer.Argument(metavar="SCENARIO", help="A scenario file, or the name of a shipped one.")]
 PlannerName = Annotated[str | None, typer.Option("--planner", help="Replace the scenario's planner.")]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Of all random numbers; default: the scenario's.")]
@@ -158,14 +160,15 @@ def main() -> None:
     try:
         code = app(standalone_mode=False)
     except (KeyboardInterrupt, typer.Abort):
-        typer.echo("obsplan: interrupted; nothing was written", err=True)
-        sys.exit(130)
+        code = INTERRUPTED
     except Exception as error:
         message = fault(error)
         if message is None:
             raise  # ours: the traceback is what we need to mend it
         typer.echo(f"obsplan: {message}", err=True)
-        sys.exit(2)
+        code = 2
+    if code == INTERRUPTED:  # which the command line's own parser may return, too
+        typer.echo("obsplan: interrupted; nothing was written", err=True)
     sys.exit(code if isinstance(code, int) else 0)
 
 
