@@ -5,9 +5,8 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
-from matplotlib.ticker import FuncFormatter, LogFormatter
 
-from obsplan.report.style import FAINT, colour, outline, time_axis
+from obsplan.report.style import FAINT, colour, outline, plain_decades, time_axis
 from obsplan.run import Run
 
 SIGMAS = 3.0
@@ -50,6 +49,11 @@ def _line(axes: Axes, time: Float[np.ndarray, " n"], values: Float[np.ndarray, "
     axes.plot(time[shown], values[shown], **how)  # pyright: ignore[reportArgumentType]
 
 
+def _highest(errors: Float[np.ndarray, " n"], stated: Float[np.ndarray, " n"]) -> float:
+    """End of an axis that shows every error, and what is stated of them but for the first moments."""
+    return 1.1 * float(max(np.nanmax(errors), np.nanquantile(stated, 0.98))) or 1.0
+
+
 def _draw_error(axes: Axes, run: Run, time: Float[np.ndarray, " n"], i: int, axis: int, name: str) -> None:
     error = run.mean[i, :, axis] - run.truth[i, :, axis]
     band = SIGMAS * np.sqrt(np.maximum(run.covariance[i, :, axis, axis], 0.0))
@@ -57,7 +61,7 @@ def _draw_error(axes: Axes, run: Run, time: Float[np.ndarray, " n"], i: int, axi
     axes.fill_between(time[shown], -band[shown], band[shown], color=colour(i), alpha=0.2, lw=0, label="±3σ")
     _line(axes, time, error, color=colour(i), lw=0.8, label="error")
     axes.axhline(0.0, color=FAINT, lw=0.5)
-    highest = 1.1 * max(np.abs(error).max(), np.quantile(band, 0.98))
+    highest = _highest(np.abs(error), band)
     axes.set_ylim(-highest, highest)
     axes.set_title(f"{run.names[i]}: {name.lower()} error and ±3σ")
     axes.set_ylabel(f"{name} error [m]")
@@ -67,7 +71,7 @@ def _draw_distance(axes: Axes, run: Run, time: Float[np.ndarray, " n"], i: int) 
     _line(axes, time, run.error[i], color=colour(i), lw=0.8, label="error")
     bound = np.sqrt(run.cramer_rao[i, :, 0, 0] + run.cramer_rao[i, :, 1, 1])
     _line(axes, time, bound, color="black", lw=1.0, ls="--", label="Cramér–Rao bound, RMS")
-    axes.set_ylim(0.0, 1.1 * max(run.error[i].max(), np.quantile(bound, 0.98)))
+    axes.set_ylim(0.0, _highest(run.error[i], bound))
     axes.set_title(f"{run.names[i]}: distance from the truth")
     axes.set_ylabel("Error [m]")
     axes.legend(loc="upper right", fontsize=7)
@@ -86,8 +90,7 @@ def _draw_condition(axes: Axes, run: Run, time: Float[np.ndarray, " n"]) -> None
         decided = np.isfinite(condition)
         _line(axes, time[decided], condition[decided], color=colour(i), lw=0.8)
     axes.set_yscale("log")
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=(2.0, 0.4)))
+    plain_decades(axes.yaxis)
     axes.set_title("Condition number the planner predicts")
     axes.set_ylabel(f"{run.condition_label} [-]")
 

@@ -217,13 +217,14 @@ def table_csv(rows: Any) -> str:
 def geographic_tracks(run: Run) -> dict[str, Float[np.ndarray, "_ 2"]]:
     """Latitude and longitude of the aid vehicle's path ("cna") and of each AUV's track ("NAME-truth", "NAME-estimate").
 
-    A vehicle that never moves has one point.
+    A vehicle that never moves has one point; an estimate that is no number has none.
     """
     tracks = {"cna": run.cna[:, :2]}
     for i, name in enumerate(run.names):
         tracks |= {f"{name}-truth": run.truth[i, :, :2], f"{name}-estimate": run.mean[i, :, :2]}
     origin = run.scenario.table.origin
-    return {name: geo.to_geographic(xy[: None if np.ptp(xy, axis=0).any() else 1], (origin.lat, origin.lon)) for name, xy in tracks.items()}
+    known = {name: xy[np.isfinite(xy).all(axis=1)] for name, xy in tracks.items()}
+    return {name: geo.to_geographic(xy[: None if np.ptp(xy, axis=0).any() else 1], (origin.lat, origin.lon)) for name, xy in known.items()}
 
 
 def timing(run: Run) -> dict[str, float | None]:

@@ -49,7 +49,7 @@ def extent(run: Run) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]:
     """Lower left and upper right corner [m] of all tracks, with a margin."""
     tracks = [run.cna[:, :2], *run.truth[..., :2], *run.mean[..., :2], *(r.polyline for r in run.scenario.references)]
     points = np.concatenate(tracks)
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)  # nan where a filter has failed
     margin = 0.06 * max(*(high - low), 1.0)
     flattest = 0.25 * (high - low).max()  # a map is not a line
     spare = np.maximum(flattest - (high - low), 0.0) / 2
@@ -82,6 +82,7 @@ def _draw_auv(axes: Axes, run: Run, i: int, *, smallest: float) -> None:
     axes.plot(*run.mean[i, every, :2].T, color=paint, lw=0.9, zorder=5)
     axes.plot(*run.truth[i, 0, :2], **_START, mec=paint, zorder=6)
     at = np.unique(np.linspace(0, run.time.size - 1, max(4, ELLIPSES // len(run.names))).astype(int))
+    at = at[np.isfinite(run.covariance[i, at, :2, :2]).all(axis=(1, 2))]
     shapes = ellipses(run.covariance[i, at, :2, :2], run.mean[i, at, :2])
     shapes = shapes[apart(shapes, run.mean[i, at, :2], smallest)]
     axes.add_collection(PolyCollection(list(shapes), fc=to_rgba(paint, 0.2), ec=paint, lw=0.6, zorder=3), autolim=False)

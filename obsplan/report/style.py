@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Integer
 from matplotlib import style
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogFormatter
 
 # Okabe & Ito (2008) without its yellow and black, then two of P. Tol's "muted": told apart by colour-blind readers, and on white
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#999933")
@@ -57,6 +59,12 @@ def time_axis(time: Float[np.ndarray, " samples"]) -> tuple[Float[np.ndarray, " 
     """Times in a readable unit, and the axis's label."""
     longest = 600.0  # [s]; more are told in minutes
     return (time, "Time [s]") if time[-1] <= longest else (time / 60.0, "Time [min]")
+
+
+def plain_decades(axis: Axis) -> None:
+    """Label a logarithmic axis 1, 10, 100, and between decades where they are few."""
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(LogFormatter(minor_thresholds=(2.0, 0.4)))
 
 
 def outline(values: Float[np.ndarray, " n"], most: int = MOST_POINTS) -> Integer[np.ndarray, " k"]:

@@ -16,8 +16,6 @@ AGREE = 0.2  # of the median error: a distance so much smaller explains it
 STRAIGHT = 0.05  # of the mean separation: a track so narrow looks straight
 FARTHEST = 2500.0  # [m], reach of the acoustic modems in use
 
-Track = Float[np.ndarray, "samples 2"]
-
 
 def verdicts(run: Run) -> list[str]:
     """Say for each AUV how well it knows its position, whether its filter knows that, and whether it could be fooled.
@@ -38,6 +36,9 @@ def planner_notes(run: Run) -> list[str]:
 
 def sentence(run: Run, i: int, figures: dict[str, Any]) -> str:
     """The verdict on one AUV, from its figures of merit."""
+    failed = np.flatnonzero(~np.isfinite(run.error[i]))
+    if failed.size:
+        return f"{run.names[i]}: position lost {moment(run, int(failed[0]))}, where the filter's estimate stopped being a number."
     worst = f"worst {metres(figures['max_error_m'])}, {moment(run, int(run.error[i].argmax()))}"
     if is_lost(run, i):
         return f"{run.names[i]}: position lost, {metres(figures['rms_error_m'])} RMS off ({worst}); {explain_loss(run, i)}."
@@ -73,7 +74,7 @@ def explain_loss(run: Run, i: int) -> str:
     return "the ranges fit although the position does not: give it a better first estimate, or an aid vehicle that goes round it"
 
 
-def mirror(points: Track, path: Track) -> Track:
+def mirror(points: Float[np.ndarray, "n 2"], path: Float[np.ndarray, "samples 2"]) -> Float[np.ndarray, "n 2"]:
     """Reflect points across the line that fits a path best."""
     center = path.mean(axis=0)
     along = np.linalg.svd(path - center, full_matrices=False)[2][0]
