@@ -214,14 +214,50 @@ def test_gap_is_primal_less_dual_and_bounds_the_error():
             return 0.5 * (x - c.center) ** 2 + p.sign * x + p.lower * (c.lower - x) + p.upper * (x - c.upper)
 
         primal, dual, gap = program.certify(point)
-        least = minimize_scalar(lagrangian).fun
-        best = minimize_scalar(cost, bounds=(lower, upper), method="bounded", options={"xatol": 1e-9}).x
+        dual_value = minimize_scalar(lagrangian).fun
+        best = least(program, (lower, upper))[0]
         step = 1e-5
-        assert gap == pytest.approx(cost(point.x) - least, rel=1e-6, abs=1e-9)
+        assert gap == pytest.approx(cost(point.x) - dual_value, rel=1e-6, abs=1e-9)
         assert dual == pytest.approx(abs(lagrangian(point.x + step) - lagrangian(point.x - step)) / (2 * step), abs=1e-6)
         assert primal == 0
         assert abs(point.x - best) <= math.sqrt(2 * gap) + 1e-6
         assert max(program.certify(program.optimum())) < 1e-14
+
+
+def least(program, bounds):
+    """Where the program is least within bounds, by search."""
+    result = minimize_scalar(
+        lambda x: 0.5 * (x - program.center) ** 2 + program.threshold * abs(x), bounds=bounds, method="bounded", options={"xatol": 1e-11}
+    )
+    return result.x, result.fun
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+@pytest.mark.parametrize("absolute", [True, False])
+def test_every_solver_solves_programs_without_a_gap(name, absolute):
+    """Dead zone included, which the turning limit hides from the problem above."""
+    solve, rng = SOLVERS[name](absolute), np.random.default_rng(11)
+    for center in (0.0, 1e-3, 0.2, 0.31, 2.0, 40.0, 1e5):
+        threshold = 0.3 if absolute else 0.0
+        lower, upper = np.sort(rng.normal(size=2) * 2).tolist()
+        for limits in ((-math.inf, math.inf), (lower, upper), (-0.01, 0.02), (0.0, 2.0), (0.3 * center - 1, 0.3 * center + 1)):
+            for side in (1, -1):
+                program = TurnProgram(side * center, threshold, *limits).bounded()
+                point = solve(program)
+                assert point.x == pytest.approx(least(program, program[2:])[0], abs=TOLERANCE * program.scale)
+
+
+def test_from_an_uneven_gap_the_better_end_is_taken():
+    rng, chosen = np.random.default_rng(12), set()
+    for _ in range(300):
+        sides = [(-9.0, -rng.uniform(0.1, 2)), (rng.uniform(0.1, 2), 9.0)]
+        program = TurnProgram(rng.normal() * 0.5, rng.uniform(0, 1), -9.0, 9.0)
+        x = program.optimum().x
+        if sides[0][1] < x < sides[1][0]:
+            best = min(sides, key=lambda side, program=program: least(program, side)[1])
+            assert program.choose_side(x, sides) == best
+            chosen.add(sides.index(best))
+    assert chosen == {0, 1}
 
 
 def test_a_point_outside_its_limits_says_by_how_much():
@@ -273,10 +309,10 @@ def test_a_problem_that_would_be_rebuilt_each_time_is_refused(monkeypatch):
 
 @pytest.mark.parametrize("name", SOLVERS)
 def test_an_answer_does_not_depend_on_the_decisions_before_it(name):
-    used = PathInertiaProblem(min_radius=0.5, gamma=1.0, solver=name)
-    for positions, heading, weights, _ in decisions(8, 4):
-        fresh = PathInertiaProblem(min_radius=0.5, gamma=1.0, solver=name)
-        assert used.solve(positions, heading, weights).x[0] == fresh.solve(positions, heading, weights).x[0]
+    used, rng = SOLVERS[name](True), np.random.default_rng(8)
+    for _ in range(30 if name in DIRECT else 6):
+        program = TurnProgram(rng.normal() * rng.choice([1e-9, 3, 1e3, 1e5]), 0.25, *[(0.0, 2.0), (-0.5, 0.5)][rng.integers(2)]).bounded()
+        assert used(program) == SOLVERS[name](True)(program)  # to the last bit, multipliers too
 
 
 @pytest.mark.parametrize("name", SOLVERS)

@@ -31,7 +31,7 @@ class Criterion(NamedTuple):
 class PathInertiaProblem:
     r"""Choose the circle that makes AUVs observable, within limits on the circle and on its change from the last decision.
 
-    With b, s, d the offsets and distance of each AUV (MATH: ``lateral_offset``, ``longitudinal_offset``), w its share of the weights and
+    With b, s, d the offsets and distance of each AUV (``lateral_offset``, ``longitudinal_offset``), w its share of the weights and
     ĉ the circle's centre relative to it, ``difference`` minimises thesis (3.26) over the signed radius r [m],
 
     .. math:: \sum w\,[r^2 - 2 r b + \gamma(\|\hat c\|^2 + |r|)] + \rho\,(r - r_{\mathrm{last}})^2
@@ -98,7 +98,7 @@ class PathInertiaProblem:
         if shares is None:
             return Solution.missing(Status.NO_TARGETS)
         total = float(np.vdot(positions, positions))
-        if not math.isfinite(heading + total + shares[0]):  # a sum of squares: what is not finite stays
+        if not math.isfinite(heading + total):  # a sum of squares: what is not finite stays
             return Solution.missing(Status.INVALID_INPUT)
         center = (shares @ positions).tolist()
         square_distance = total / n if weights is None else float(np.vdot(shares[:, None] * positions, positions))
