@@ -20,6 +20,7 @@ _HOME = {
     "Run": "run",
     "Scenario": "scenario",
     "Stationary": "planners.stationary",
+    "Status": "types",
     "Unicycle": "vehicles",
     "load": "scenario",
     "simulate": "simulation",

@@ -65,15 +65,15 @@ class Belief:
 class Decision:
     """The manoeuvre a planner chose: turn rate and speed to hold until the next decision.
 
-    ``path`` holds the predicted poses (east, north, heading), the current one first; ``score`` is the planner's own objective in its own
+    ``path`` holds the predicted poses (east, north, heading), the current one first, or none; ``score`` is the planner's own objective in its own
     unit; ``condition`` the predicted condition number per AUV, nan where the planner has none.
     """
 
     turn_rate: float  # [rad/s], positive to the left
     speed: float  # [m/s]
-    path: Float[np.ndarray, "steps 3"]
-    score: float
-    status: Status
+    path: Float[np.ndarray, "steps 3"] = field(default_factory=lambda: np.empty((0, 3)))
+    score: float = float("nan")
+    status: Status = Status.OPTIMAL
     condition: Float[np.ndarray, " auvs"] = field(default_factory=lambda: np.empty(0))
 
     @property

@@ -11,7 +11,8 @@ from obsplan.surveys import SURVEYS
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 
-CONTEXT = ("cna", "center", "radius", "ping_interval", "sigma", "ranging_kind")  # what the scenario itself tells a planner that has such a field
+# what the scenario itself tells a planner that has such a field
+CONTEXT = ("cna", "center", "radius", "ping_interval", "sigma", "ranging_kind")
 
 
 class Table(BaseModel):
