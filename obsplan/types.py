@@ -28,9 +28,9 @@ class Belief:
     """What the planner knows of one AUV; never the truth, unless the scenario says ``knowledge = "truth"``.
 
     ``mean`` is (east [m], north [m], heading [rad], speed through the water [m/s]); ``covariance`` (4 x 4) the AUV's own, as last reported
-    and predicted since, wherever the mean comes from; ``process_noise`` the standard
-    deviations per square root of a second of position [m], heading [rad] and speed [m/s]; ``drift`` the current [m/s] it is carried by;
-    ``course`` its planned positions as a function of time from now [s], where they are known.
+    and predicted since, wherever the mean comes from; ``process_noise`` the standard deviations per square root of a second of position
+    [m], heading [rad] and speed [m/s]; ``drift`` the current [m/s] it is carried by; ``course`` its planned positions as a function of time
+    from now [s], where they are known.
     """
 
     mean: Float[np.ndarray, "4"]
@@ -65,8 +65,8 @@ class Belief:
 class Decision:
     """The manoeuvre a planner chose: turn rate and speed to hold until the next decision.
 
-    ``path`` holds the predicted poses (east, north, heading), the current one first, or none; ``score`` is the planner's own objective in its own
-    unit; ``condition`` the predicted condition number per AUV, nan where the planner has none.
+    ``path`` holds the predicted poses (east, north, heading), the current one first, or none; ``score`` is the planner's own objective in
+    its own unit; ``condition`` the predicted condition number per AUV, nan where the planner has none.
     """
 
     turn_rate: float  # [rad/s], positive to the left
