@@ -169,13 +169,20 @@ def test_table_has_a_row_per_auv_and_one_of_all_with_units():
     run = simulate("fixed-formation")
     text = shown(run_table(run))
     assert text.splitlines()[0].strip() == f"fixed-formation, path-inertia, seed {run.seed}"
-    for heading in ("RMS error [m]", "Worst [m]", "Cramér–Rao RMS [m]", "NEES (2 if consistent)", "greatest [m]"):
+    for heading in ("RMS error [m]", "Worst error [m]", "PCRB RMS [m]", "NEES [-]", "Max sep. [m]", "NEES: 2 if consistent"):
         assert heading in text
     rows = [line.split("│")[1:-1] for line in text.splitlines() if "│" in line]
     assert [row[0].strip() for row in rows] == ["top", "left", "right", "all"]
     figures = [*run.summary()["auv"].values(), run.summary()["all"]]
     assert [float(row[1]) for row in rows] == [round(f["rms_error_m"], 2) for f in figures]
     assert [float(row[-1]) for row in rows] == [round(f["separation_max_m"], 1) for f in figures]
+
+
+def test_table_fits_eighty_columns():
+    console = Console(width=80, color_system=None)
+    with console.capture() as capture:
+        console.print(run_table(simulate("fixed-formation")))
+    assert "…" not in capture.get()
 
 
 def test_table_of_one_auv_has_no_row_of_all_and_a_dash_for_what_is_unknown(run):

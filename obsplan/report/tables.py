@@ -7,22 +7,28 @@ from rich.text import Text
 
 from obsplan.run import Run
 
-COLUMNS = {  # heading of each figure of merit, and its decimals
+COLUMNS = {  # heading of each figure of merit, in words short enough for 80 columns, and its decimals
     "rms_error_m": ("RMS error [m]", 2),
-    "max_error_m": ("Worst [m]", 2),
-    "pcrb_rms_m": ("Cramér–Rao RMS [m]", 2),
-    "bound_rms_m": ("Least of any path [m]", 2),
-    "efficiency": ("Efficiency [-]", 2),
-    "mean_nees": ("NEES (2 if consistent)", 1),
-    "separation_mean_m": ("Separation: mean [m]", 1),
-    "separation_max_m": ("greatest [m]", 1),
+    "max_error_m": ("Worst error [m]", 2),
+    "pcrb_rms_m": ("PCRB RMS [m]", 2),
+    "bound_rms_m": ("Bound RMS [m]", 2),
+    "efficiency": ("Eff. [-]", 2),
+    "mean_nees": ("NEES [-]", 1),
+    "separation_mean_m": ("Mean sep. [m]", 1),
+    "separation_max_m": ("Max sep. [m]", 1),
 }
+CAPTION = "PCRB: posterior Cramér–Rao bound of this path; Bound: of any path; Eff.: Bound / PCRB; NEES: 2 if consistent; sep.: separation"
 
 
 def run_table(run: Run) -> Table:
     """Tabulate each AUV's figures of merit, and those of all."""
     summary = run.summary()
-    table = Table(title=Text(f"{summary['scenario']}, {summary['planner']}, seed {summary['seed']}"), title_justify="left")
+    table = Table(
+        title=Text(f"{summary['scenario']}, {summary['planner']}, seed {summary['seed']}"),
+        title_justify="left",
+        caption=CAPTION,
+        caption_justify="left",
+    )
     table.add_column("AUV")
     columns = [key for key in COLUMNS if key in summary["all"]]
     for key in columns:
