@@ -47,7 +47,8 @@ class Manoeuvre(NamedTuple):
 
     turn_rates: Float[np.ndarray, " S"]  # [rad/s]
     score: float  # the criterion [m^2], or [-] for log-det
-    violation: float  # of the constraints, along the whole path [m]
+    first_violation: float  # how far its first turn breaks a limit [m], at least 0
+    violation: float  # how far the sequence does, at the points looked at [m], at least 0
 
 
 class Ranging(NamedTuple):
@@ -82,7 +83,8 @@ class _Beam(NamedTuple):
     pose: np.ndarray  # B x 3
     covariance: np.ndarray  # B x M x 4 x 4
     cost: np.ndarray  # B
-    violation: np.ndarray  # B [m]
+    first: np.ndarray  # B, how far the first turn itself breaks a limit [m]
+    violation: np.ndarray  # B, how far the sequence does [m]
     turns: np.ndarray  # B x stages so far
 
 
@@ -100,6 +102,7 @@ def search_manoeuvres(
     criterion: str = "trace",
     beam_width: int = 32,
     violation: Violation | None = None,
+    first_violation: Float[np.ndarray, " K"] | None = None,
 ) -> Manoeuvre:
     """Find the turns, one a stage, that make the AUVs' position covariances smallest over the horizon.
 
@@ -116,15 +119,18 @@ def search_manoeuvres(
     criterion
         ``trace`` [m²] or ``log-det`` [-] of the position covariance after each stage, weighted by the AUVs and averaged over time.
     beam_width
-        Sequences kept after each stage: those that violate least, of these the cheapest.
+        Sequences kept after each stage: those whose first turn breaks limits least, of these those that break them least later, of these
+        the cheapest.
     violation
-        How far [m] positions (..., 2) at a time from now [s] are on the wrong side of a constraint, at most 0 where they are right.
+        How far [m] positions (..., 2) at a time from now [s] are on the wrong side of a limit, at most 0 where they are right.
+    first_violation
+        How far [m] each turn breaks a limit as the first one.
 
     Returns
     -------
     The best sequence of the last beam; of equals the one that comes first, turning left.
     """
-    beam = _Beam(pose[None], covariance[None], np.zeros(1), np.zeros(1), np.empty((1, 0)))
+    beam = _Beam(pose[None], covariance[None], np.zeros(1), np.zeros(1), np.zeros(1), np.empty((1, 0)))
     weights, elapsed, total = weights / weights.sum(), 0.0, stages.duration.sum()
     for s, (duration, pings) in enumerate(zip(*stages, strict=True)):
         now = Tracks(*(part[s] for part in tracks))
@@ -132,16 +138,18 @@ def search_manoeuvres(
         poses, arcs = _turned(beam.pose, turn_rates, speed, float(duration))
         updated = range_update(predicted[:, None], poses[..., None, :2] - now.position, ranging, float(pings))
         cost = beam.cost[:, None] + _criterion(updated, criterion) @ weights * (duration / total)
-        worst = np.broadcast_to(beam.violation[:, None], cost.shape)
+        first, worst = (np.broadcast_to(broken[:, None], cost.shape) for broken in (beam.first, beam.violation))
+        if s == 0 and first_violation is not None:
+            first = np.maximum(first_violation, 0.0)[None]
         if violation is not None:
             times = elapsed + duration * np.arange(1, ARC_POINTS + 1) / ARC_POINTS
             worst = np.maximum(worst, np.max([violation(arcs[..., i, :], t) for i, t in enumerate(times)], axis=0))
-        keep = np.lexsort((cost.ravel(), worst.ravel()))[:beam_width]
+        keep = np.lexsort((cost.ravel(), worst.ravel(), first.ravel()))[:beam_width]
         parent, turn = np.divmod(keep, len(turn_rates))
         turns = np.column_stack([beam.turns[parent], turn_rates[turn]])
-        beam = _Beam(poses[parent, turn], updated[parent, turn], cost.ravel()[keep], worst.ravel()[keep], turns)
+        beam = _Beam(poses[parent, turn], updated[parent, turn], cost.ravel()[keep], first.ravel()[keep], worst.ravel()[keep], turns)
         elapsed += float(duration)
-    return Manoeuvre(beam.turns[0], float(beam.cost[0]), float(beam.violation[0]))
+    return Manoeuvre(beam.turns[0], float(beam.cost[0]), float(beam.first[0]), float(beam.violation[0]))
 
 
 def predict_covariance(

@@ -21,6 +21,7 @@ class Status(IntEnum):
     NO_TARGETS = 5
     INVALID_INPUT = 6
     SOLVER_FAILED = 7
+    VIOLATED = 8
 
     @property
     def advice(self) -> str:
@@ -42,6 +43,7 @@ _ADVICE = {
     Status.NO_TARGETS: "there is no AUV to plan for; the aid vehicle goes straight on",
     Status.INVALID_INPUT: "a pose or a belief is not finite; the aid vehicle goes straight on; check the estimator",
     Status.SOLVER_FAILED: "the solver failed; the substitute manoeuvre is the closed form's; check the scale of the problem",
+    Status.VIOLATED: "no manoeuvre keeps within every limit; the one that violates least is taken; widen the limits or start elsewhere",
 }
 
 

@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from formulations.manoeuvre_search import CRITERIA, Manoeuvre, Ranging, Stages, Tracks, ping_stages, search_manoeuvres, turn_candidates
 from formulations.solution import Status
+from obsplan.constraints import UNLIMITED, Constraints, first_move_violation
 from obsplan.planners.protocol import unusable
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
@@ -19,8 +20,9 @@ class InformationHorizon:
 
     Each AUV's own covariance is predicted with its process noise along its survey or course, ranges coming at the pings, their second-order
     error counted (`formulations.manoeuvre_search`). The tree has ``stages`` levels of ``turn_rates`` branches, and a beam of ``beam_width``
-    is kept. Where pings are rare a stage lasts from ping to ping and the horizon is that much longer. ``score`` is the mean over the
-    horizon of the criterion, [m^2] or [-].
+    is kept. Where pings are rare a stage lasts from ping to ping and the horizon is that much longer. A turn that breaks a limit, or leaves
+    no circle free to turn on, is discarded; if all do, the least violating is taken and the status says so. ``score`` is the mean over
+    the horizon of the criterion, [m^2] or [-].
     """
 
     condition_label = ""
@@ -35,9 +37,11 @@ class InformationHorizon:
     stages: Annotated[int, "levels of the tree, at least 1"] = 6
     turn_rates: Annotated[int, "branches at each level, odd and at least 3"] = 7
     beam_width: Annotated[int, "sequences kept at each level, at least 1"] = 32
+    constraints: Annotated[Constraints, "limits on the aid vehicle's position; the scenario's"] = UNLIMITED
+    decision_interval: Annotated[float, "time between decisions [s]; the scenario's"] = 1.0
 
     def __post_init__(self) -> None:
-        for name, unit in (("ping_interval", "s"), ("sigma", "m"), ("horizon", "s")):
+        for name, unit in (("ping_interval", "s"), ("sigma", "m"), ("horizon", "s"), ("decision_interval", "s")):
             if not 0 < getattr(self, name) < np.inf:
                 raise ValueError(f"{name} must be positive and finite [{unit}], got {getattr(self, name)}")
         if self.criterion not in CRITERIA:
@@ -54,23 +58,45 @@ class InformationHorizon:
 
     def _search(self, pose: Pose, auvs: Sequence[Belief], time: float) -> Decision:
         stages = ping_stages(time, self.ping_interval, self.horizon, self.stages)
+        state, turn_rates = np.array([pose.x, pose.y, pose.heading]), turn_candidates(self.cna.max_turn_rate, self.turn_rates)
         best = search_manoeuvres(
-            np.array([pose.x, pose.y, pose.heading]),
+            state,
             np.array([auv.covariance for auv in auvs]),
             tracks=predicted_tracks(auvs, stages),
             process_noise=np.array([[noise[0], noise[0], noise[1], noise[2]] for noise in (auv.process_noise for auv in auvs)]),
             weights=np.array([auv.weight for auv in auvs], dtype=float),
             stages=stages,
-            turn_rates=turn_candidates(self.cna.max_turn_rate, self.turn_rates),
+            turn_rates=turn_rates,
             speed=self.cna.speed,
             ranging=Ranging(self.sigma, self.ranging_kind == "squared-range"),
             criterion=self.criterion,
             beam_width=self.beam_width,
+            **self._limits(state, turn_rates, auvs),
         )
         turn_rate = float(best.turn_rates[0])
         path = manoeuvre_path(pose, best, stages, self.cna.speed)
         nothing = np.full(len(auvs), np.nan)
-        return Decision(turn_rate=turn_rate, speed=self.cna.speed, path=path, score=best.score, status=Status.OPTIMAL, condition=nothing)
+        status = Status.VIOLATED if best.first_violation > 0 else Status.OPTIMAL
+        return Decision(turn_rate=turn_rate, speed=self.cna.speed, path=path, score=best.score, status=status, condition=nothing)
+
+    def _limits(self, state: np.ndarray, turn_rates: np.ndarray, auvs: Sequence[Belief]) -> dict[str, Any]:
+        """The constraints as the search takes them; none cost nothing."""
+        if not self.constraints:
+            return {}
+        known = lambda time: np.array([auv.ahead(np.array([time]))[0] for auv in auvs])  # noqa: E731
+        first = first_move_violation(
+            self.constraints,
+            state,
+            turn_rates,
+            speed=self.cna.speed,
+            radius=self.cna.min_turn_radius,
+            interval=self.decision_interval,
+            auvs=known,
+        )
+        return {
+            "violation": lambda positions, time: self.constraints.violation(positions, known(time)),
+            "first_violation": first,
+        }
 
 
 def predicted_tracks(auvs: Sequence[Belief], stages: Stages) -> Tracks:

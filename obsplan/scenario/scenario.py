@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Integer
 
+from obsplan.constraints import Constraints, Disc, Polygon
 from obsplan.planners import planner_class
 from obsplan.planners.protocol import Planner
 from obsplan.scenario.tables import CONTEXT, MissionSurvey, ScenarioTable
@@ -41,7 +42,7 @@ class Scenario:
         names = [auv.name for auv in self.table.auv]
         if len(set(names)) < len(names):
             raise self.error("auv", f"the names {names} are not all different; rename one")
-        _ = self.motions, self.ping_every, self.decide_every
+        _ = self.motions, self.ping_every, self.decide_every, self.constraints
         self.planner()
 
     def error(self, key: str, what: object) -> ObsplanError:
@@ -185,7 +186,27 @@ class Scenario:
         if name in ("center", "radius"):
             return self._survey_circle[name]
         ranging = self.table.ranging
-        return {"ping_interval": ranging.interval, "sigma": ranging.sigma, "ranging_kind": ranging.kind}[name]
+        return {
+            "ping_interval": ranging.interval,
+            "sigma": ranging.sigma,
+            "ranging_kind": ranging.kind,
+            "constraints": self.constraints,
+            "decision_interval": self.decide_every * self.table.time_step,
+        }[name]
+
+    @cached_property
+    def constraints(self) -> Constraints:
+        """Limits on the aid vehicle's position."""
+        table = self.table.constraints
+        try:
+            return Constraints(
+                keep_out=tuple(_area(area) for area in table.keep_out),
+                geofence=None if table.geofence is None else Polygon(points=table.geofence),
+                min_separation=table.min_separation,
+                max_separation=np.inf if table.max_separation is None else table.max_separation,
+            )
+        except ValueError as error:
+            raise self.error("constraints", error) from None
 
     @cached_property
     def _survey_circle(self) -> dict[str, Any]:
@@ -204,6 +225,11 @@ class Scenario:
             if isinstance(table.survey, MissionSurvey):
                 auv["survey"] = {"kind": "waypoints", "points": reference.polyline.tolist()}
         return data
+
+
+def _area(table: Any) -> Disc | Polygon:
+    """Keep-out of its table: a disc or a polygon."""
+    return Polygon(points=table.points) if table.points is not None else Disc(x=table.x, y=table.y, radius=table.radius)
 
 
 def options(cls: type, table: Any) -> dict[str, Any]:

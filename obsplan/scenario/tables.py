@@ -12,7 +12,7 @@ Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 
 # what the scenario itself tells a planner that has such a field
-CONTEXT = ("cna", "center", "radius", "ping_interval", "sigma", "ranging_kind")
+CONTEXT = ("cna", "center", "radius", "ping_interval", "sigma", "ranging_kind", "constraints", "decision_interval")
 
 
 class Table(BaseModel):
@@ -124,6 +124,31 @@ class Ranging(Table):
     heading_sigma_deg: Positive = Field(default=1.0, description="standard deviation of the measured heading [deg]")
 
 
+class KeepOut(Table):
+    """An area the aid vehicle must not enter: a disc by its centre and radius, or a polygon by its corners."""
+
+    x: float | None = Field(default=None, description="centre of a disc, east [m]")
+    y: float | None = Field(default=None, description="centre of a disc, north [m]")
+    radius: Positive | None = Field(default=None, description="radius of a disc [m]")
+    points: tuple[tuple[float, float], ...] | None = Field(default=None, description="corners of a polygon, each [east, north] [m]")
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> "KeepOut":
+        disc = [self.x, self.y, self.radius]
+        if (self.points is None) == (None in disc) and (self.points is None or disc.count(None) == 3):
+            raise ValueError("give either x, y and radius, or points")
+        return self
+
+
+class ConstraintsTable(Table):
+    """Where the aid vehicle may be; planners that look ahead keep to it, the others are reported."""
+
+    keep_out: tuple[KeepOut, ...] = Field(default=(), description="areas not to enter")
+    geofence: tuple[tuple[float, float], ...] | None = Field(default=None, description="corners of the area not to leave [east, north] [m]")
+    min_separation: NonNegative = Field(default=0.0, description="least distance to any AUV [m]")
+    max_separation: Positive | None = Field(default=None, description="greatest distance to any AUV [m]; default: none")
+
+
 class Estimator(Table):
     """The AUVs' filter."""
 
@@ -163,6 +188,7 @@ class ScenarioTable(Table):
     auv: tuple[Auv, ...] = Field(min_length=1, description="the survey vehicles")
     environment: Environment = Environment()
     ranging: Ranging = Ranging()
+    constraints: ConstraintsTable = ConstraintsTable()
     estimator: Estimator = Estimator()
     planner: Planner = Field(default=PLANNER_TABLES["default"](), description="who steers the aid vehicle")
 

@@ -1,0 +1,154 @@
+"""Where the aid vehicle may be: keep-outs, a geofence, and its distance from the AUVs."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Disc:
+    """Round area.
+
+    Raises
+    ------
+    ValueError
+        A number that is not finite, or a radius that is not positive.
+    """
+
+    x: float  # east [m]
+    y: float  # north [m]
+    radius: float  # [m]
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite([self.x, self.y]).all() and 0 < self.radius < np.inf):
+            raise ValueError(f"a disc needs a finite centre and a positive radius [m], got ({self.x}, {self.y}) and {self.radius}")
+
+    def signed_distance(self, positions: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch"]:
+        """Distance [m] to the edge, negative inside."""
+        return np.hypot(positions[..., 0] - self.x, positions[..., 1] - self.y) - self.radius
+
+
+@dataclass(frozen=True, kw_only=True)
+class Polygon:
+    """Area within a closed line of corners (east, north [m]), convex or not.
+
+    Raises
+    ------
+    ValueError
+        Fewer than three corners, or a line that crosses itself.
+    """
+
+    points: tuple[tuple[float, float], ...]
+
+    def __post_init__(self) -> None:
+        if len(self.points) < 3:
+            raise ValueError(f"a polygon needs at least three corners, got {len(self.points)}")
+        if not (np.isfinite(self.points).all() and self._shape.is_valid and self._shape.area > 0):
+            raise ValueError(f"the line of a polygon must be finite, enclose an area and not cross itself, got {list(self.points)}")
+
+    @cached_property
+    def _shape(self) -> Any:
+        import shapely
+
+        return shapely.Polygon(self.points)
+
+    def signed_distance(self, positions: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch"]:
+        """Distance [m] to the edge, negative inside."""
+        import shapely
+
+        points = shapely.points(positions)
+        outside = shapely.distance(self._shape, points)
+        return np.where(outside > 0, outside, -shapely.distance(self._shape.exterior, points))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constraints:
+    """Limits on the aid vehicle's position; all distances in metres.
+
+    Raises
+    ------
+    ValueError
+        A separation that is negative, or a least one above the greatest.
+    """
+
+    keep_out: tuple[Disc | Polygon, ...] = ()
+    geofence: Polygon | None = None
+    min_separation: float = 0.0
+    max_separation: float = float("inf")
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.min_separation < self.max_separation:
+            raise ValueError(f"separations must be 0 <= least < greatest [m], got {self.min_separation} and {self.max_separation}")
+
+    def __bool__(self) -> bool:
+        """Whether anything is limited."""
+        return self != UNLIMITED
+
+    def fixed_violation(self, positions: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch"]:
+        """How far [m] positions are inside a keep-out or outside the geofence; at most 0 where they are right, -inf without either."""
+        worst = np.full(positions.shape[:-1], -np.inf)
+        for area in self.keep_out:
+            worst = np.maximum(worst, -area.signed_distance(positions))
+        return worst if self.geofence is None else np.maximum(worst, self.geofence.signed_distance(positions))
+
+    def separation_violation(self, positions: Float[np.ndarray, "*batch 2"], auvs: Float[np.ndarray, "M 2"]) -> Float[np.ndarray, "*batch"]:
+        """How far [m] positions are from a permitted distance to every AUV; at most 0 where they are right."""
+        distance = np.linalg.norm(positions[..., None, :] - auvs, axis=-1)
+        return np.max(np.maximum(self.min_separation - distance, distance - self.max_separation), axis=-1, initial=-np.inf)
+
+    def violation(self, positions: Float[np.ndarray, "*batch 2"], auvs: Float[np.ndarray, "M 2"]) -> Float[np.ndarray, "*batch"]:
+        """The worse of both [m]; it changes by no more than the vehicle moves."""
+        return np.maximum(self.fixed_violation(positions), self.separation_violation(positions, auvs))
+
+
+UNLIMITED = Constraints()
+CIRCLE_POINTS = 64  # at which the smallest circles are held against the limits
+MOVE_POINTS = 16  # at which the way to the next decision is
+
+
+def first_move_violation(
+    constraints: Constraints,
+    pose: Float[np.ndarray, "3"],
+    turn_rates: Float[np.ndarray, " K"],
+    *,
+    speed: float,
+    radius: float,
+    interval: float,
+    auvs: Callable[[float], Float[np.ndarray, "M 2"]],
+) -> Float[np.ndarray, " K"]:
+    """How far [m] each turn held until the next decision breaks a limit, or leaves the vehicle where it must break one.
+
+    A vehicle that cannot stop is safe for ever as long as one of its two smallest circles is within the fixed limits: turning on the free
+    one keeps it free. So if the limiting turns are among the candidates and one circle is free now, some candidate always breaks nothing.
+    Distances change by no more than the vehicle moves: half the spacing of the points is added, and nothing between them is missed.
+
+    Parameters
+    ----------
+    pose, turn_rates, speed, radius, interval
+        Pose now (east, north [m], heading [rad]); candidates [rad/s]; speed [m/s]; smallest turning radius [m]; time until the next
+        decision [s].
+    auvs
+        Positions of the AUVs [m] at a time from now [s].
+    """
+    times = interval * np.arange(1, MOVE_POINTS + 1) / MOVE_POINTS
+    half = 0.5 * turn_rates[:, None] * times
+    heading = pose[2] + half
+    chord = speed * times * np.sinc(half / np.pi)
+    positions = pose[:2] + chord[..., None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+    spacing = speed * interval / MOVE_POINTS
+    on_the_way = np.max([constraints.violation(positions[:, i], auvs(float(t))) for i, t in enumerate(times)], axis=0) + spacing / 2
+    after = np.concatenate([positions[:, -1], pose[2] + turn_rates[:, None] * interval], axis=-1)
+    return np.maximum(on_the_way, _loiter_violation(constraints, after, radius))
+
+
+def _loiter_violation(constraints: Constraints, poses: Float[np.ndarray, "*batch 3"], radius: float) -> Float[np.ndarray, "*batch"]:
+    """How far [m] the better of the two smallest circles from each pose is outside the fixed limits."""
+    angle = 2 * np.pi * np.arange(CIRCLE_POINTS) / CIRCLE_POINTS
+    normal = np.stack([-np.sin(poses[..., 2]), np.cos(poses[..., 2])], axis=-1)[..., None, :]
+    centers = poses[..., None, :2] + radius * np.array([[1.0], [-1.0]]) * normal  # left, right
+    circles = centers[..., None, :] + radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return constraints.fixed_violation(circles).max(axis=-1).min(axis=-1) + np.pi * radius / CIRCLE_POINTS
