@@ -28,7 +28,7 @@ Out = Annotated[Path | None, typer.Option("--out", help="Folder to make; default
 @app.command()
 def run(scenario: ScenarioName, planner: PlannerName = None, seed: Seed = None, settings: Settings = None, out: Out = None) -> None:
     """Simulate a survey: plan the aid vehicle's path, estimate, report, write files a vehicle can load."""
-    from obsplan.report import free_folder, run_table, verdicts, write_run
+    from obsplan.report import free_folder, planner_notes, run_table, verdicts, write_run
     from obsplan.scenario import load
     from obsplan.simulation import simulate
 
@@ -38,7 +38,7 @@ def run(scenario: ScenarioName, planner: PlannerName = None, seed: Seed = None, 
         flown = simulate(loaded, seed=seed, progress=advance)
     write_run(flown, folder)
     show(run_table(flown))
-    for sentence in verdicts(flown):
+    for sentence in (*verdicts(flown), *planner_notes(flown)):
         say(sentence)
     say(
         f"Written to {folder}{'' if folder.is_absolute() else '/'}: map.png, errors.png, path.waypoints, path.geojson, tracks.csv and more."
