@@ -22,6 +22,10 @@ class Status(IntEnum):
     INVALID_INPUT = 6
     SOLVER_FAILED = 7
     VIOLATED = 8
+    RESTARTED = 9
+    SECOND_SOLVER = 10
+    BEST_MANOEUVRE = 11
+    SOFTENED = 12
 
     @property
     def advice(self) -> str:
@@ -44,6 +48,10 @@ _ADVICE = {
     Status.INVALID_INPUT: "a pose or a belief is not finite; the aid vehicle goes straight on; check the estimator",
     Status.SOLVER_FAILED: "the solver failed; the substitute manoeuvre is the closed form's; check the scale of the problem",
     Status.VIOLATED: "no manoeuvre keeps within every limit; the one that violates least is taken; widen the limits or start elsewhere",
+    Status.RESTARTED: "the optimum, but found anew: the last trajectory was no good start; nothing to do unless it happens often",
+    Status.SECOND_SOLVER: "the optimum, but the first solver failed and a slower one found it; fewer stages may help if it happens often",
+    Status.BEST_MANOEUVRE: "no solver improved on the best manoeuvre tried, which is taken; fewer stages or more iterations may help",
+    Status.SOFTENED: "no trajectory found keeps within every limit; the optimum with the limits softened is taken; widen the limits",
 }
 
 
