@@ -1,0 +1,116 @@
+"""What path inertia does about one AUV at rest, in closed form as the time step goes to 0, and the numbers that claims are about.
+
+Notation of thesis chapter 3: (s, b) is the aid vehicle's offset behind and the AUV's to the left of its heading line [m], d² = s² + b²;
+τ = γ / (2(1 + γ)) what the penalty takes off the radius [m]; r the smallest radius [m]; V the speed [m/s].
+"""
+
+import math
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, Integer
+
+from formulations.path_inertia import lateral_offset, longitudinal_offset, radius_threshold
+
+RIGHT_ANGLE = 1e-9  # [m]; |s| below it is rounding of a right angle
+
+Class = Literal["outward", "right", "inward"]
+
+
+def offsets(pose: Float[np.ndarray, "*batch 3"]) -> tuple[Float[np.ndarray, "*batch"], Float[np.ndarray, "*batch"]]:
+    """Return (s, b) about an AUV at the origin."""
+    x, y, heading = np.moveaxis(np.asarray(pose), -1, 0)
+    return longitudinal_offset(x, y, heading), lateral_offset(x, y, heading)
+
+
+def initial_class(s: float) -> Class:
+    """Return the thesis's three classes: the AUV behind (an obtuse angle between heading and ray to it), abeam, or ahead (acute)."""
+    return "right" if abs(s) < RIGHT_ANGLE else "outward" if s > 0 else "inward"
+
+
+def is_monotone(distance: Float[np.ndarray, " samples"], s: float, slack: float) -> bool:
+    """Whether the distance only grows (s > 0), or falls until it is least and only grows from there (s < 0): section 5.1.1 on Figure 5.3.
+
+    ``slack`` [m] is what a single step may go the other way.
+    """
+    turn = 0 if s > 0 else int(distance.argmin())
+    change = np.diff(distance)
+    return bool((change[:turn] <= slack).all() and (change[turn:] >= -slack).all())
+
+
+def involute_distance(time: Float[np.ndarray, " samples"], s: float, b: float, speed: float) -> Float[np.ndarray, " samples"]:
+    """Return d(t) for γ = 0 and no clip, d² = d0² + 2 V s t: the involute of the circle of radius |s|."""
+    return np.sqrt(np.maximum(s**2 + b**2 + 2.0 * speed * s * np.asarray(time), 0.0))
+
+
+def unclipped(s: float, b: float, min_radius: float, speed: float) -> float:
+    """Return the time [s] until |b| has fallen to the smallest radius, for γ = 0: then the closed form ends; never, if outward."""
+    return (b**2 - min_radius**2) / (2.0 * speed * -s) if s < 0 else math.inf
+
+
+def nearest_pass(s: float, b: float, min_radius: float) -> float:
+    """Return the distance [m] at which an inward start (s < 0) passes the AUV, for γ = 0: 0 unless that lies inside the smallest circle.
+
+    From |b| = r on, the distance of the AUV from the centre of the smallest circle stays as it is, |s| if the start was outside the clip;
+    from r on the circle leads straight to the AUV, below r past it.
+    """
+    return max(0.0, min_radius - math.hypot(s, min(abs(b) - min_radius, 0.0)))
+
+
+def outward_leg(s: float, b: float, *, gamma: float, speed: float) -> tuple[float, float]:
+    r"""Return duration [s] and farthest distance [m] of the first leg outward, for γ > 0 and s > 0, from outside the clip.
+
+    .. math:: T = \frac{\rho s + s^3 / (3\tau)}{V \tau}, \quad d = \rho + \frac{s^2}{2\tau} + \tau, \quad \rho = |b| - \tau
+
+    As γ → 0 the duration grows as 4s³/(3Vγ²), without bound; as γ → ∞ it falls to (2(|b| - ½)s + 4s³/3)/V, not to 0.
+    """
+    tau = radius_threshold(gamma)
+    rho = abs(b) - tau
+    return (rho * s + s**3 / (3.0 * tau)) / (speed * tau), rho + s**2 / (2.0 * tau) + tau
+
+
+def orbit_bound(gamma: float, min_radius: float) -> float:
+    r"""Return how far [m] any start ends up orbiting at most, for γ > 0: :math:`(r + \tau)^2 / (2\tau)`.
+
+    The distance of the AUV from the centre of the smallest circle survives each turn. If it is above r, the aid vehicle comes to head at
+    the AUV, passes it, and has it at exactly r from then on; leaving the clip at s² = r² - τ² it goes to r + τ + s²/(2τ) and back. The
+    bound is 9/8 m for the thesis's γ = 1 and r = 0.5 m.
+    """
+    tau = radius_threshold(gamma)
+    return (min_radius + tau) ** 2 / (2.0 * tau)
+
+
+def capture_time(s: float, b: float, *, gamma: float, min_radius: float, speed: float) -> float:
+    """Return the time [s] until the aid vehicle has settled into its last orbit, for γ > 0: see `orbit_bound`."""
+    tau, t, path = radius_threshold(gamma), abs(b) - min_radius, 0.0
+    if s > 0 and t < tau and math.hypot(s, t) > min_radius:  # on the smallest circle until the AUV is r + τ abeam
+        away = math.hypot(s, t)
+        path += min_radius * (math.asin(tau / away) - math.asin(t / away))
+        s, t = math.sqrt(away**2 - tau**2), tau
+    if t >= tau:  # ds/dt = -Vτ/ρ and s² + 2τρ constant, until ρ = r
+        constant = s**2 + 2.0 * tau * (t + min_radius - tau)
+        end = math.sqrt(constant - 2.0 * tau * min_radius)
+        path += (constant * (s + end) - (s**3 + end**3) / 3.0) / (2.0 * tau**2)
+        s, t = -end, tau
+    away = math.hypot(s, t)
+    if away <= min_radius:
+        return path / speed
+    straight = math.sqrt(away**2 - min_radius**2)
+    path += min_radius * (math.asin(t / away) + math.asin(min_radius / away))  # on the smallest circle until the AUV is ahead
+    return (path + straight) / speed
+
+
+def turns(distance: Float[np.ndarray, " samples"]) -> Integer[np.ndarray, " k"]:
+    """Return the samples at which the distance is at its farthest between two approaches."""
+    change = np.diff(distance)
+    return np.flatnonzero((change[:-1] > 0) & (change[1:] <= 0)) + 1
+
+
+def fit_circle(position: Float[np.ndarray, "samples 2"]) -> tuple[Float[np.ndarray, " 2"], float, float]:
+    """Return centre, radius and root mean square misfit [m] of the circle that fits best: ‖p‖² = 2 p·c + (R² - ‖c‖²), least squares."""
+    middle = position.mean(axis=0)
+    p = position - middle
+    solution = np.linalg.lstsq(np.column_stack([2.0 * p, np.ones(len(p))]), (p**2).sum(axis=1), rcond=None)[0]
+    center, radius = solution[:2], math.sqrt(solution[2] + solution[:2] @ solution[:2])
+    misfit = np.hypot(*(p - center).T) - radius
+    return center + middle, radius, float(np.sqrt(np.mean(misfit**2)))
