@@ -44,7 +44,7 @@ BAD_SETTINGS = {
     "auv.0.survey.track=nope": 'harbor.plan has no track "nope"; it has harbor',
     "ranging.interval=0.7": "ranging.interval: 0.7 s is not a whole multiple of time_step = 0.5 s",
     "planner.interval=0.2": "planner.interval: 0.2 s is not a whole multiple",
-    "planner.gamma=-1": "planner: gamma must be at least 0 and finite, got -1",
+    "planner.gamma=-1": "planner: gamma must be zero or positive and finite, got -1",
     "environment.current=[3.0,0.0]": "current .* is too strong",
     "origin.lat=95": r"origin.lat = 95 \(latitude \[deg\], WGS84\): must be less than or equal to 90",
     'name="a/b"': r'name = "a/b" \(letters, digits, dots and hyphens\)',
