@@ -23,6 +23,7 @@ _HOME = {
     "Status": "types",
     "Unicycle": "vehicles",
     "load": "scenario",
+    "load_campaign": "campaign",
     "simulate": "simulation",
 }
 

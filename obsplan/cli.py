@@ -77,6 +77,52 @@ def compare(
 
 
 @app.command()
+def campaign(
+    scenarios: Annotated[list[str], typer.Argument(metavar="SCENARIO...", help="Scenario files, or names of shipped ones.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder of the results; one that has a campaign is resumed.")],
+    planners: Annotated[str | None, typer.Option("--planners", metavar="A,B,...", help="Default: each scenario's own.")] = None,
+    runs: Annotated[int, typer.Option("--runs", min=1, help="Seeds per combination; the same for each planner and setting.")] = 1,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="The first of them; default: the scenario's.")] = None,
+    vary: Annotated[list[str] | None, typer.Option("--vary", metavar="KEY=A,B,...", help="Values of one key; may be repeated.")] = None,
+    workers: Annotated[int | None, typer.Option("--workers", min=1, help="Local processes; default: one per core.")] = None,
+    scheduler: Annotated[str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Of a Dask cluster to fly on.")] = None,
+) -> None:
+    """Fly scenarios x planners x seeds x settings into one table; what was flown is never lost, and never flown again."""
+    from obsplan.campaign import fly_campaign, plan_cells
+
+    cells = plan_cells(scenarios, planners=planners.split(",") if planners else (), vary=vary or (), runs=runs, seed=seed)
+    try:
+        with campaign_bar(f"{len(cells)} combinations") as progress:
+            report = fly_campaign(cells, out, workers=workers, scheduler=scheduler, progress=progress)
+    except KeyboardInterrupt:
+        typer.echo(f"obsplan: interrupted; what was flown is kept in {out}, and the same command goes on from there", err=True)
+        raise typer.Exit(130) from None
+    say(f"{report.missions} missions: {report.flown} flown now, {report.missions - report.flown} were there, {report.failed} failed.")
+    say(f"Written to {out}{'' if out.is_absolute() else '/'}: campaign.parquet, campaign.csv. Next: obsplan campaign-report {out}")
+    for cell, number, reason in report.failures:
+        typer.echo(f"obsplan: {cell.label}, seed {number}: {reason}", err=True)
+    if report.failed > len(report.failures):
+        typer.echo(f"obsplan: and {report.failed - len(report.failures)} more; see campaign.csv", err=True)
+    if report.failed:
+        raise typer.Exit(3)
+
+
+@app.command()
+def campaign_report(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a campaign, finished or not.")],
+) -> None:
+    """Read a campaign: medians with intervals, planners compared under the same noise, errors against what was varied."""
+    from obsplan.report import campaign_table, write_campaign_report
+
+    report = write_campaign_report(folder)
+    show(campaign_table(report.medians))
+    for sentence in report.sentences:
+        say(sentence)
+    target = folder / "report"
+    say(f"Written to {target}{'' if target.is_absolute() else '/'}: {', '.join(report.files)}.")
+
+
+@app.command()
 def new(
     mission_file: Annotated[Path, typer.Argument(metavar="MISSION_FILE", help="GeoJSON, QGroundControl .plan or CSV.")],
     out: Annotated[Path | None, typer.Option("--out", help="Scenario file to write; default: the mission file's name with .toml.")] = None,
@@ -131,7 +177,7 @@ def schema(json: Annotated[bool, typer.Option("--json", help="As JSON Schema, fo
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Any]:
-    """A bar on standard error while it is a terminal, nothing in a pipe; gives the function to call with (done, all)."""
+    """A bar on standard error while it is a terminal, nothing in a pipe; gives the function to call with (done, all) and a new title."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -139,7 +185,19 @@ def progress_bar(title: str) -> Iterator[Any]:
     bar = Progress(console=console, transient=True, disable=not console.is_terminal)
     with bar:
         task = bar.add_task(title, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+        yield lambda done, total, now=title: bar.update(task, completed=done, total=total, description=now)
+
+
+@contextmanager
+def campaign_bar(title: str) -> Iterator[Any]:
+    """A `progress_bar` that also tells the rate and the failures; gives the function to call with (done, all, failed)."""
+    from time import monotonic
+
+    began = monotonic()
+    with progress_bar(title) as advance:
+        yield lambda done, total, failed: advance(
+            done, total, f"{title}, {done / (monotonic() - began):.1f} missions/s" + (f", [red]{failed} failed[/red]" if failed else "")
+        )
 
 
 def show(table: Any) -> None:

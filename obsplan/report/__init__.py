@@ -4,6 +4,7 @@ from importlib import import_module
 from typing import Any
 
 _HOME = {
+    "campaign_table": "campaign",
     "compare_figure": "comparison",
     "compare_table": "comparison",
     "errors_figure": "errors",
@@ -12,6 +13,7 @@ _HOME = {
     "planner_notes": "verdict",
     "run_table": "tables",
     "verdicts": "verdict",
+    "write_campaign_report": "campaign",
     "write_comparison": "files",
     "write_run": "files",
 }

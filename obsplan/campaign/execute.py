@@ -1,0 +1,215 @@
+"""Fly what is missing of a campaign: on local processes or on a Dask cluster, by the same road."""
+
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import obsplan
+from obsplan.campaign.cluster import connected
+from obsplan.campaign.plan import Cell
+from obsplan.campaign.store import FILE, Store
+from obsplan.campaign.table import export
+from obsplan.campaign.worker import Batch, Flown, Outcome, failed, fly_batch
+from obsplan.files import write_atomically
+from obsplan.types import ObsplanError
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+BATCH_SECONDS = 1.0  # of work in a batch; to schedule one costs some milliseconds
+MOST_IN_A_BATCH = 1000
+AHEAD = 3  # batches per worker thread, under way or waiting: none of them ever waits for us
+WORTH_COMPILING = 32  # missions per worker that repay a second of compiling
+MOST_LISTED = 20  # failures
+LOOK_AROUND = 5.0  # [s] between two counts of the cluster's threads
+DIED = "its worker process died every time it was tried; perhaps the memory did not suffice"
+
+Progress = Callable[[int, int, int], None]  # missions flown now, to be flown now, failed now
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """What became of a campaign."""
+
+    missions: int  # planned in all
+    flown: int  # now; the others were there
+    failed: int  # of all planned
+    failures: list[tuple[Cell, int, str]]  # the first of them: cell, seed, reason
+
+
+def fly_campaign(
+    cells: Sequence[Cell],
+    folder: Path | str,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+) -> Report:
+    """Fly what a folder's store lacks of the cells, keep it, and export the table.
+
+    Everything finished stays, whatever ends the campaign; the same call goes on from there. Missions that failed are flown again.
+
+    Parameters
+    ----------
+    folder
+        Made unless it is there; one that holds something else is refused.
+    workers
+        Local processes; default: one per core.
+    scheduler
+        Address of a Dask scheduler whose workers to use instead, ``tcp://host:8786``.
+    progress
+        Called after every batch.
+
+    Raises
+    ------
+    ObsplanError
+        The folder cannot be used, the cluster is not there, or its workers have another version of obsplan.
+    """
+    folder = claimed(Path(folder))
+    with Store(folder) as store:
+        numbers = store.enter(cells)
+        planned = [*zip(numbers, cells, strict=True)]
+        missing = [len(cell.seeds) - store.count(number, cell.seeds) for number, cell in planned]
+        if any(missing):
+            with connected(workers=workers, most=sum(missing), scheduler=scheduler) as client:
+                flight = Flight(client=client, store=store, progress=progress or (lambda *_: None), todo=sum(missing))
+                flight.fly(flight.batches(planned, missing))
+                timing = flight.timing()
+            write_atomically(folder / "timing.json", json.dumps(timing, indent=2) + "\n")
+        export(store, folder)
+        failures = ((cell, seed, why) for number, cell in planned for seed, why in store.failures(number, cell.seeds))
+        return Report(
+            missions=sum(len(cell.seeds) for cell in cells),
+            flown=sum(missing),
+            failed=sum(len(cell.seeds) - store.count(number, cell.seeds) for number, cell in planned),
+            failures=[*islice(failures, MOST_LISTED)],
+        )
+
+
+def claimed(folder: Path) -> Path:
+    """The folder of a campaign, new or to be resumed."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not (folder / FILE).exists() and any(folder.iterdir()):
+            raise ObsplanError(f"{folder} holds something that is not a campaign; give another folder with --out")
+    except OSError as error:
+        raise ObsplanError(f"{folder} cannot be made ({error.strerror}); give another folder with --out") from error
+    return folder
+
+
+@dataclass(kw_only=True)
+class Flight:
+    """A campaign under way: a window of batches moves over what is missing, so memory does not grow with it."""
+
+    client: "Client"
+    store: Store
+    progress: Progress
+    todo: int
+    done: int = 0
+    failed: int = 0
+    issued: int = 0
+    work: float = 0.0  # in the workers [s]
+    capacity: float = 0.0  # of the workers [s]: threads times time
+    began: float = field(default_factory=perf_counter)
+    looked: float = 0.0
+    counted: float = -math.inf
+    threads: int = 1
+    pace: dict[int, float] = field(default_factory=dict)  # of each cell, as last seen [s per mission]
+    suspects: list[Batch] = field(default_factory=list)
+
+    def batches(self, planned: Iterable[tuple[int, Cell]], missing: Iterable[int]) -> Iterator[Batch]:
+        """Batches of about a second, smaller toward the end so that no worker is left alone with a long one."""
+        for (number, cell), lacking in zip(planned, missing, strict=True):
+            seeds = self.store.missing(number, cell.seeds)
+            while some := tuple(islice(seeds, self._size(number))):
+                self.issued += len(some)
+                yield Batch(number, cell.content, some, lacking >= WORTH_COMPILING * self.threads)
+
+    def _size(self, cell: int) -> int:
+        share = math.ceil((self.todo - self.issued) / (2 * self.threads))
+        by_pace = int(BATCH_SECONDS / self.pace[cell]) if cell in self.pace else 1
+        return max(1, min(by_pace, share, MOST_IN_A_BATCH))
+
+    def fly(self, batches: Iterator[Batch]) -> None:
+        """Fly all; then those that were under way where workers kept dying, each alone, to find which is to blame."""
+        self.drive(batches, self.suspects.append)
+        alone = [batch._replace(seeds=(seed,)) for batch in self.suspects for seed in batch.seeds]
+        for batch in alone:
+            self.drive(iter([batch]), lambda one: self._keep([(one.cell, failed(one.seeds[0], DIED))]))
+
+    def _look_around(self) -> None:
+        """Count the workers' threads, which come and go on a cluster, and what they could have done since the last look."""
+        now = perf_counter()
+        self.capacity += self.threads * (now - self.looked if self.looked else 0.0)
+        self.looked = now
+        if now - self.counted > LOOK_AROUND:
+            self.threads, self.counted = max(1, sum(self.client.nthreads().values())), now  # pyright: ignore[reportAttributeAccessIssue]
+
+    def drive(self, batches: Iterator[Batch], bury: Callable[[Batch], Any]) -> None:
+        """Keep the window full and store what comes out of it; ``bury`` gets the batches whose workers died."""
+        from distributed import as_completed
+
+        flying: dict[Any, Batch] = {}
+        finished = as_completed(with_results=True, raise_errors=False, loop=self.client.loop)
+        while True:
+            self._look_around()
+            for batch in islice(batches, max(0, AHEAD * self.threads - len(flying))):
+                future = self.client.submit(fly_batch, batch, pure=False)
+                flying[future] = batch
+                finished.add(future)
+            if not flying:
+                return
+            landed = [(flying.pop(future), result_of(future, result)) for future, result in finished.next_batch()]
+            self._keep([(batch.cell, outcome) for batch, flown in landed if flown for outcome in flown.outcomes])
+            for batch, flown in landed:
+                if flown is None:
+                    bury(batch)
+                else:
+                    self.work += flown.seconds
+                    self.pace[batch.cell] = flown.seconds / len(batch.seeds)
+
+    def _keep(self, flown: list[tuple[int, Outcome]]) -> None:
+        self.store.add(flown)
+        self.done += len(flown)
+        self.failed += sum(outcome.error is not None for _, outcome in flown)
+        self.progress(self.done, self.todo, self.failed)
+
+    def timing(self) -> dict[str, float]:
+        """How fast it was; kept apart from the results, which do not depend on it."""
+        self._look_around()
+        seconds = perf_counter() - self.began
+        return {
+            "missions": self.done,
+            "threads": self.threads,
+            "seconds": seconds,
+            "missions_per_second": self.done / seconds,
+            "share_of_time_in_missions": self.work / self.capacity,  # the rest is scheduling, and waiting at the end
+        }
+
+
+def result_of(future: "Future", result: Any) -> Flown | None:
+    """What a worker returned, or None if it died of it.
+
+    Raises
+    ------
+    ObsplanError
+        The worker could not even begin, is of another version, or the scheduler is gone.
+    """
+    from distributed import KilledWorker
+
+    ours = obsplan.__version__
+    if future.status == "finished":
+        if result.version != ours:
+            raise ObsplanError(f"a worker has obsplan {result.version} and this is {ours}; install {ours} there and repeat")
+        return result
+    if future.status != "error":
+        raise ObsplanError("the scheduler was lost; what was flown is kept, and the same command goes on from there")
+    error = result[1]
+    if isinstance(error, KilledWorker):
+        return None
+    raise ObsplanError(f"a worker cannot fly missions ({type(error).__name__}: {error}); install obsplan {ours} there") from error
