@@ -174,8 +174,9 @@ def range_update(P: Float[np.ndarray, "B 1 M 4 4"], x: Float[np.ndarray, "B K M 
     u = x / np.sqrt(safe)[..., None]
     v = np.stack([-u[..., 1], u[..., 0]], axis=-1)
     along, across = (np.einsum("...i,...ij,...j->...", w, P[..., :2, :2], w) for w in (u, v))
-    if ranging.squared:
-        R = ranging.sigma**2 / (4 * safe * pings) + (3 * along**2 + 3 * across**2 + 2 * along * across) / (4 * safe)
+    if ranging.squared:  # the error left out is the squared length of a Gaussian vector, (tr P)^2 + 2 tr P^2 in the mean of its square
+        second = (P[..., 0, 0] + P[..., 1, 1]) ** 2 + 2 * np.sum(P[..., :2, :2] ** 2, axis=(-1, -2))
+        R = (ranging.sigma**2 / pings + second) / (4 * safe)
     else:
         R = ranging.sigma**2 / pings + 0.75 * across**2 / safe
     Pu = np.einsum("...ij,...j->...i", P[..., :, :2], u)

@@ -1,0 +1,314 @@
+"""The search for informative manoeuvres: covariances against integrated differential equations, the beam against every sequence."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from oracles import arc
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from formulations.manoeuvre_search import (
+    ARC_POINTS,
+    Ranging,
+    Stages,
+    Tracks,
+    ping_stages,
+    predict_covariance,
+    range_update,
+    search_manoeuvres,
+    turn_candidates,
+)
+
+
+def positive_definite(rng, scale):
+    """Covariance of (east, north, heading, speed), everything correlated."""
+    half = rng.normal(size=(4, 4)) * scale
+    return half @ half.T
+
+
+def drift_of(heading, speed):
+    """Jacobian of the AUV's velocity: (speed cos heading, speed sin heading, 0, 0)."""
+    A = np.zeros((4, 4))
+    A[:2, 2] = speed * math.cos(heading + math.pi / 2), speed * math.sin(heading + math.pi / 2)
+    A[:2, 3] = math.cos(heading), math.sin(heading)
+    return A
+
+
+# Prediction
+
+
+def predicted(P, heading, speed, noise, duration):
+    track = Tracks(np.zeros((1, 2)), np.array([heading]), np.array([speed]))
+    return predict_covariance(P[None, None], track, noise[None], duration)[0, 0]
+
+
+def test_prediction_solves_the_lyapunov_equation_without_noise_on_the_heading():
+    rng = np.random.default_rng(1)
+    for _ in range(10):
+        P, noise = positive_definite(rng, 0.5), rng.uniform(0.01, 0.3, 4)
+        heading, speed, duration = rng.uniform(-3, 3), rng.uniform(0, 2), rng.uniform(0.1, 20)
+        A, Q = drift_of(heading, speed), np.diag(noise**2 * [1, 1, 0, 1])
+
+        def rate(_t, p, A=A, Q=Q):
+            return (A @ p.reshape(4, 4) + p.reshape(4, 4) @ A.T + Q).ravel()
+
+        integrated = solve_ivp(rate, (0, duration), P.ravel(), method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1].reshape(4, 4)
+        answer = predicted(P, heading, speed, noise, duration)
+        np.testing.assert_allclose(answer, integrated, rtol=1e-9, atol=1e-10)
+        assert answer[2, 2] == P[2, 2]
+
+
+def test_prediction_is_van_loans_matrix_exponential():
+    rng = np.random.default_rng(2)
+    P, noise, duration = positive_definite(rng, 0.5), np.array([0.1, 0.1, 0.2, 0.05]), 7.0
+    A, Q = drift_of(0.7, 1.3), np.diag(noise**2 * [1, 1, 0, 1])
+    block = expm(np.block([[-A, Q], [np.zeros((4, 4)), A.T]]) * duration)  # Van Loan 1978, eq. 1.3
+    F = block[4:, 4:].T
+    np.testing.assert_allclose(predicted(P, 0.7, 1.3, noise, duration), F @ P @ F.T + F @ block[:4, 4:], rtol=1e-12)
+
+
+# Ranges
+
+
+def updated(P, x, sigma=1.0, pings=1.0, squared=False):
+    return range_update(P[None, None, None], np.asarray(x, dtype=float)[None, None, None], Ranging(sigma, squared), pings)[0, 0, 0]
+
+
+@pytest.mark.parametrize("squared", [False, True])
+def test_ranges_add_information_along_the_line_of_sight(squared):
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        P, x = positive_definite(rng, 1.0), rng.uniform(-30, 30, 2)
+        sigma, pings = rng.uniform(0.1, 5), rng.uniform(0.5, 9)
+        d, axis = math.hypot(*x), np.array([*x, 0, 0])
+        C = P[:2, :2]
+        if squared:  # E (e'e)^2 of a Gaussian e = (tr C)^2 + 2 tr C^2, against the gradient 2x
+            H, R = 2 * axis, sigma**2 / pings + np.trace(C) ** 2 + 2 * np.trace(C @ C)
+        else:
+            across = np.array([-x[1], x[0]]) / d
+            H, R = axis / d, sigma**2 / pings + 0.75 * (across @ C @ across / d) ** 2
+        expected = np.linalg.inv(np.linalg.inv(P) + np.outer(H, H) / R)
+        np.testing.assert_allclose(updated(P, x, sigma, pings, squared), expected, rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize("squared", [False, True])
+def test_second_order_error_is_that_of_sampled_ranges(squared):
+    rng = np.random.default_rng(4)
+    x, samples = np.array([10.0, 0.0]), 1_000_000
+    half = np.array([[0.30, 0.0], [0.22, 0.15]])
+    P = np.diag([0.0, 0.0, 0.01, 0.01])
+    P[:2, :2] = half @ half.T
+    e = rng.standard_normal((samples, 2)) @ half.T
+    away, d = x + e, 10.0
+    left_out = np.sum(away**2, axis=1) - 100 - 2 * e @ x if squared else np.hypot(*away.T) - d - e @ x / d
+    H = np.array([*(2 * x if squared else x / d), 0.0, 0.0])
+    gained = P - updated(P, x, sigma=1e-9, squared=squared)
+    along = H @ P @ H
+    variance = along**2 / (H @ gained @ H) - along  # what the update took for the variance of its range
+    # the fourth moment's standard error is at most sqrt(96/9 / samples) = 0.33 %; terms left out are (0.3 / 10)^2 = 0.1 % of it
+    assert variance == pytest.approx(np.mean(left_out**2), rel=4 * 0.0033 + 0.002)
+
+
+@pytest.mark.parametrize("squared", [False, True])
+def test_range_from_on_top_of_an_auv_tells_nothing(squared):
+    P = positive_definite(np.random.default_rng(5), 1.0)
+    np.testing.assert_array_equal(updated(P, (0.0, 0.0), squared=squared), P)
+
+
+def test_close_to_an_uncertain_auv_a_range_is_worth_less():
+    P = np.diag([4.0, 4.0, 0.01, 0.01])
+    remaining = [np.trace(updated(P, (d, 0.0), sigma=0.1)[:2, :2]) for d in (0.5, 1, 2, 4, 8, 16)]
+    assert (np.diff(remaining) < 0).all()
+    assert remaining[-1] == pytest.approx(4.0, abs=0.1)
+    assert remaining[0] > 7.0
+
+
+# Stages and candidates
+
+
+@pytest.mark.parametrize(("time", "first"), [(0.0, 15.0), (1.0, 14.0), (14.5, 0.5), (15.0, 15.0), (44.0, 1.0), (45.0, 15.0)])
+def test_stages_end_at_pings_where_these_are_rare(time, first):
+    stages = ping_stages(time, 15.0, 20.0, 6)
+    np.testing.assert_allclose(stages.duration, [first, *[15.0] * 5], rtol=1e-12)
+    np.testing.assert_array_equal(stages.pings, np.ones(6))
+
+
+def test_time_of_a_ping_is_known_however_it_is_rounded():
+    for k in range(2000):
+        assert ping_stages(k * 0.7, 0.7, 1.0, 4).duration[0] == pytest.approx(0.7, rel=1e-5)
+
+
+def test_frequent_pings_share_a_stage():
+    stages = ping_stages(3.21, 0.1, 20.0, 6)
+    np.testing.assert_allclose(stages.duration, np.full(6, 20 / 6))
+    assert stages.pings.sum() == pytest.approx(200)
+
+
+@pytest.mark.parametrize("count", [3, 5, 7])
+def test_candidates_are_straight_on_and_pairs_from_left_to_right(count):
+    candidates = turn_candidates(0.9, count)
+    assert candidates.size == count
+    assert (np.diff(candidates) < 0).all()
+    np.testing.assert_array_equal(candidates, -candidates[::-1])
+    assert candidates[0] == 0.9
+    positive = candidates[candidates > 0]
+    np.testing.assert_allclose(positive[:-1] / positive[1:], 3.0)
+
+
+# Search
+
+
+def problem(rng, auvs=2, stages=3):
+    """A search small enough to go through every sequence."""
+    duration = rng.uniform(1, 6, stages)
+    return {
+        "pose": np.array([*rng.uniform(-15, 15, 2), rng.uniform(-3, 3)]),
+        "covariance": np.array([positive_definite(rng, 0.8) for _ in range(auvs)]),
+        "tracks": Tracks(rng.uniform(-15, 15, (stages, auvs, 2)), rng.uniform(-3, 3, (stages, auvs)), rng.uniform(0, 2, (stages, auvs))),
+        "process_noise": rng.uniform(0.01, 0.2, (auvs, 4)),
+        "weights": rng.uniform(0.5, 2, auvs),
+        "stages": Stages(duration, rng.uniform(1, 5, stages)),
+        "turn_rates": turn_candidates(0.4, 5),
+        "speed": 2.0,
+        "ranging": Ranging(0.7),
+    }
+
+
+def flown(given, turns):
+    """Positions at the stages' ends after a sequence of turns, on arcs in complex numbers."""
+    pose, places = given["pose"], []
+    for turn, duration in zip(turns, given["stages"].duration, strict=True):
+        pose = arc(pose, turn, given["speed"], duration)
+        places.append(pose[:2])
+    return places
+
+
+def cost_of(given, turns, criterion="trace"):
+    """Mean criterion of a sequence, one AUV after the other by integrated equations and information matrices."""
+    total, share = 0.0, given["weights"] / given["weights"].sum()
+    duration, pings = given["stages"]
+    places = flown(given, turns)
+    for i, weight in enumerate(share):
+        P, q = given["covariance"][i], np.diag(given["process_noise"][i] ** 2 * [1, 1, 0, 1])
+        for s, place in enumerate(places):
+            A = drift_of(given["tracks"].heading[s, i], given["tracks"].speed[s, i])
+            block = expm(np.block([[-A, q], [np.zeros((4, 4)), A.T]]) * duration[s])
+            F = block[4:, 4:].T
+            P = F @ P @ F.T + F @ block[:4, 4:]
+            x = place - given["tracks"].position[s, i]
+            d = math.hypot(*x)
+            across = np.array([-x[1], x[0]]) / d
+            R = given["ranging"].sigma ** 2 / pings[s] + 0.75 * (across @ P[:2, :2] @ across / d) ** 2
+            H = np.array([*x, 0, 0]) / d
+            P = np.linalg.inv(np.linalg.inv(P) + np.outer(H, H) / R)
+            value = np.trace(P[:2, :2]) if criterion == "trace" else np.linalg.slogdet(P[:2, :2])[1]
+            total += weight * value * duration[s] / duration.sum()
+    return total
+
+
+@pytest.mark.parametrize("criterion", ["trace", "log-det"])
+def test_full_beam_finds_the_best_of_all_sequences(criterion):
+    rng = np.random.default_rng(6)
+    for _ in range(3):
+        given = problem(rng)
+        costs = {turns: cost_of(given, turns, criterion) for turns in itertools.product(given["turn_rates"], repeat=3)}
+        best = min(costs, key=costs.get)
+        found = search_manoeuvres(**given, criterion=criterion, beam_width=5**3)
+        assert tuple(found.turn_rates) == best
+        assert found.score == pytest.approx(costs[best], rel=1e-8)
+        assert (found.first_violation, found.violation) == (0.0, 0.0)
+
+
+def test_narrow_beam_says_what_its_sequence_costs_and_loses_little():
+    rng = np.random.default_rng(7)
+    lost = []
+    for _ in range(10):
+        given = problem(rng, stages=4)
+        best, narrow = (search_manoeuvres(**given, beam_width=width) for width in (5**4, 8))
+        assert narrow.score == pytest.approx(cost_of(given, narrow.turn_rates), rel=1e-8)
+        assert narrow.score >= best.score
+        lost.append(narrow.score / best.score - 1)
+    assert np.median(lost) < 0.02
+
+
+def test_of_equals_the_left_turn_is_taken():
+    given = problem(np.random.default_rng(8), auvs=1) | {"pose": np.zeros(3), "covariance": np.diag([4.0, 4.0, 0.0, 0.0])[None]}
+    ahead = np.broadcast_to(np.array([20.0, 0.0]), (3, 1, 2))
+    found = search_manoeuvres(**given | {"tracks": Tracks(ahead, np.zeros((3, 1)), np.zeros((3, 1)))}, beam_width=125)
+    turning = found.turn_rates[found.turn_rates != 0]
+    assert turning[0] > 0
+
+
+def test_weights_count_relative_to_each_other_and_zero_not_at_all():
+    rng = np.random.default_rng(9)
+    given = problem(rng)
+    plain, scaled = (search_manoeuvres(**given | {"weights": given["weights"] * factor}) for factor in (1.0, 8.0))
+    assert scaled.score == pytest.approx(plain.score, rel=1e-12)
+    np.testing.assert_array_equal(scaled.turn_rates, plain.turn_rates)
+    alone = {key: given[key][:1] for key in ("covariance", "process_noise", "weights")}
+    alone["tracks"] = Tracks(*(part[:, :1] for part in given["tracks"]))
+    one = search_manoeuvres(**given | alone)
+    muted = search_manoeuvres(**given | {"weights": np.array([3.0, 0.0])})
+    np.testing.assert_array_equal(muted.turn_rates, one.turn_rates)
+    assert muted.score == pytest.approx(one.score, rel=1e-12)
+
+
+def test_auv_on_the_way_makes_nothing_that_is_no_number():
+    given = problem(np.random.default_rng(10), auvs=1) | {"pose": np.zeros(3), "stages": Stages(np.full(3, 2.0), np.ones(3))}
+    under = np.array([[[4.0, 0.0]], [[8.0, 0.0]], [[12.0, 0.0]]])
+    found = search_manoeuvres(**given | {"tracks": Tracks(under, np.zeros((3, 1)), np.zeros((3, 1)))}, beam_width=125)
+    assert np.isfinite(found.score)
+
+
+def test_known_position_has_a_finite_log_determinant():
+    given = problem(np.random.default_rng(11)) | {"covariance": np.zeros((2, 4, 4)), "process_noise": np.zeros((2, 4))}
+    assert np.isfinite(search_manoeuvres(**given, criterion="log-det").score)
+
+
+# Limits
+
+
+def test_sequences_that_break_limits_are_taken_last_and_the_first_turn_counts_most():
+    given = problem(np.random.default_rng(12))
+    K = given["turn_rates"].size
+    free = search_manoeuvres(**given, beam_width=125)
+    banned = (given["turn_rates"] == free.turn_rates[0]).astype(float)
+    other = search_manoeuvres(**given, beam_width=125, first_violation=banned)
+    costs = {turns: cost_of(given, turns) for turns in itertools.product(given["turn_rates"], repeat=3)}
+    allowed = {turns: cost for turns, cost in costs.items() if turns[0] != free.turn_rates[0]}
+    assert tuple(other.turn_rates) == min(allowed, key=allowed.get)
+    assert other.first_violation == 0.0
+    least = np.linspace(2.0, 1.0, K)
+    forced = search_manoeuvres(**given, beam_width=125, first_violation=least)
+    assert forced.turn_rates[0] == given["turn_rates"][-1]
+    assert forced.first_violation == 1.0
+
+
+def test_violation_of_a_sequence_is_the_worst_along_its_arcs():
+    given = problem(np.random.default_rng(13))
+    times, seen = [], []
+
+    def wall(positions, time):
+        times.append(time)
+        seen.append(positions)
+        return positions[..., 0] - given["pose"][0]  # everything east of the start is forbidden
+
+    found = search_manoeuvres(**given, beam_width=125, violation=wall)
+    ends = np.cumsum(given["stages"].duration)
+    expected = np.concatenate(
+        [start + np.arange(1, ARC_POINTS + 1) / ARC_POINTS * (end - start) for start, end in itertools.pairwise([0, *ends])]
+    )
+    np.testing.assert_allclose(times, expected)
+
+    def worst(turns):
+        pose, east = given["pose"], []
+        for turn, duration in zip(turns, given["stages"].duration, strict=True):
+            east += [arc(pose, turn, 2.0, duration * k / ARC_POINTS)[0] for k in range(1, ARC_POINTS + 1)]
+            pose = arc(pose, turn, 2.0, duration)
+        return max(*east, given["pose"][0]) - given["pose"][0]
+
+    broken = {turns: worst(turns) for turns in itertools.product(given["turn_rates"], repeat=3)}
+    assert found.violation == pytest.approx(min(broken.values()), abs=1e-9)
+    assert found.violation == pytest.approx(worst(found.turn_rates), abs=1e-9)
