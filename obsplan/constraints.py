@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -98,7 +99,8 @@ class Constraints:
     def separation_violation(self, positions: Float[np.ndarray, "*batch 2"], auvs: Float[np.ndarray, "M 2"]) -> Float[np.ndarray, "*batch"]:
         """How far [m] positions are from a permitted distance to every AUV; at most 0 where they are right."""
         distance = np.linalg.norm(positions[..., None, :] - auvs, axis=-1)
-        return np.max(np.maximum(self.min_separation - distance, distance - self.max_separation), axis=-1, initial=-np.inf)
+        near = self.min_separation - distance if self.min_separation > 0 else np.full_like(distance, -np.inf)
+        return np.max(np.maximum(near, distance - self.max_separation), axis=-1, initial=-np.inf)
 
     def violation(self, positions: Float[np.ndarray, "*batch 2"], auvs: Float[np.ndarray, "M 2"]) -> Float[np.ndarray, "*batch"]:
         """The worse of both [m]; it changes by no more than the vehicle moves."""
@@ -123,8 +125,9 @@ def first_move_violation(
     """How far [m] each turn held until the next decision breaks a limit, or leaves the vehicle where it must break one.
 
     A vehicle that cannot stop is safe for ever as long as one of its two smallest circles is within the fixed limits: turning on the free
-    one keeps it free. So if the limiting turns are among the candidates and one circle is free now, some candidate always breaks nothing.
-    Distances change by no more than the vehicle moves: half the spacing of the points is added, and nothing between them is missed.
+    one keeps it free. So if the limiting turns are among the candidates and one circle is free now, some candidate always keeps within
+    the fixed limits. Distances change by no more than the vehicles move: half of that between points looked at is added, and nothing
+    between them is missed.
 
     Parameters
     ----------
@@ -139,10 +142,20 @@ def first_move_violation(
     heading = pose[2] + half
     chord = speed * times * np.sinc(half / np.pi)
     positions = pose[:2] + chord[..., None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-    spacing = speed * interval / MOVE_POINTS
-    on_the_way = np.max([constraints.violation(positions[:, i], auvs(float(t))) for i, t in enumerate(times)], axis=0) + spacing / 2
+    half_step = 0.5 * speed * interval / MOVE_POINTS
+    on_the_way = constraints.fixed_violation(positions).max(axis=-1) + half_step
     after = np.concatenate([positions[:, -1], pose[2] + turn_rates[:, None] * interval], axis=-1)
-    return np.maximum(on_the_way, _loiter_violation(constraints, after, radius))
+    fixed = np.maximum(on_the_way, _loiter_violation(constraints, after, radius) + half_step)  # more than the circle itself can violate
+    return np.maximum(fixed, _separation_violation(constraints, positions, [auvs(float(t)) for t in (0.0, *times)]) + half_step)
+
+
+def _separation_violation(
+    constraints: Constraints, positions: Float[np.ndarray, "K points 2"], auvs: list[Float[np.ndarray, "M 2"]]
+) -> Float[np.ndarray, " K"]:
+    """How far [m] moves come from a permitted distance to AUVs whose positions are known at the points and just before the first."""
+    half_steps = [0.5 * np.max(np.linalg.norm(after - before, axis=-1), initial=0.0) for before, after in pairwise(auvs)]
+    at_points = [constraints.separation_violation(positions[:, i], auv) for i, auv in enumerate(auvs[1:])]
+    return np.max([violation + half_step for violation, half_step in zip(at_points, half_steps, strict=True)], axis=0)
 
 
 def _loiter_violation(constraints: Constraints, poses: Float[np.ndarray, "*batch 3"], radius: float) -> Float[np.ndarray, "*batch"]:

@@ -134,8 +134,7 @@ class KeepOut(Table):
 
     @model_validator(mode="after")
     def _one_of_both(self) -> "KeepOut":
-        disc = [self.x, self.y, self.radius]
-        if (self.points is None) == (None in disc) and (self.points is None or disc.count(None) == 3):
+        if [self.x, self.y, self.radius].count(None) != (0 if self.points is None else 3):
             raise ValueError("give either x, y and radius, or points")
         return self
 
