@@ -149,7 +149,7 @@ def test_without_looking_at_the_circles_the_vehicle_gets_caught():
 
 def test_turns_called_safe_keep_their_distance_from_auvs_that_move():
     limits = Constraints(min_separation=5.0, max_separation=60.0)
-    place = lambda time: np.array([[20 * math.cos(0.1 * time), 20 * math.sin(0.1 * time)]])  # noqa: E731
+    place = lambda time: np.array([[20 * math.cos(0.4 * time), 20 * math.sin(0.4 * time)]])  # noqa: E731
     safe = 0
     rng = np.random.default_rng(4)
     for now in rng.uniform(0, 60, 300):
@@ -162,7 +162,7 @@ def test_turns_called_safe_keep_their_distance_from_auvs_that_move():
         if began > 0:
             continue  # what is broken already is no turn's fault
         assert (worst <= np.maximum(broken, 0.0) + 1e-9).all()
-        assert (broken <= worst + 0.5).all()  # and what is called broken nearly is
+        assert (broken <= worst + 1.3).all()  # and what is called broken nearly is: twice half of what both move, (2 + 8) 2 / 16 m
         safe += (broken <= 0).sum()
     assert safe > 100
 
