@@ -1,0 +1,265 @@
+"""Open questions about the empirical Gramian method: how far and how finely to look ahead, how to aggregate, which metric."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from formulations.metric_expressions import score_expression
+from formulations.range_gramian import DisplacementMoments, gramian_entries
+from formulations.solution import Status
+from obsplan.planners.protocol import Command, Targets, decide, two_thirds_turn
+from obsplan.report.style import AID, colour
+from obsplan.scenario import Scenario, load
+from obsplan.thesis.drawing import log_ticks, panels
+from obsplan.thesis.item import Finding, Item
+from obsplan.thesis.montecarlo import figure, fly_seeds, metres
+from obsplan.types import Belief, Decision, Pose
+from obsplan.vehicles import Unicycle
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+SHARE = 5  # a fifth of the seeds for each case of a study
+SMALL = ("auv.0.survey.legs=3", "auv.0.survey.length=20.0")  # 76 m of survey
+HORIZONS = (1 / 6, 1 / 3, 2 / 3, 1.0, 2.0, 4.0)  # of the smallest circle; the thesis's is two thirds
+EULER_STEPS = (1, 2, 5, 21, 84)  # of the simulated horizon; 21 steps of 0.1 s are the thesis's time step or near it
+PACES = {"survey-fast": "aid vehicle 10 times as fast", "survey-slow": "aid vehicle as fast as the AUV"}
+AGGREGATES = ("mean", "rms", "max")
+METRICS = ("condition-number", "blend", "unobservability-index", "log-det", "trace-inverse")
+WIDE = (  # the triangle ten metres wide instead of two
+    "auv.0.survey.y=5.0",
+    "auv.1.survey.x=-5.0",
+    "auv.1.survey.y=-5.0",
+    "auv.2.survey.x=5.0",
+    "auv.2.survey.y=-5.0",
+)
+
+
+def seeds(runs: int, seed: int) -> range:
+    """Seeds of each case of a study."""
+    return range(seed, seed + max(2, runs // SHARE))
+
+
+@dataclass(frozen=True)
+class EulerHorizon:
+    """Algorithm 1 as one would first write it: the horizon simulated in Euler steps, the Gramian their plain sum."""
+
+    condition_label = "κ(W)"
+
+    cna: Unicycle
+    steps: int
+    turn_rates: int = 21
+
+    def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
+        """Take the turn rate of least mean condition number."""
+        return decide(self, pose, auvs, time)
+
+    def moments(self) -> DisplacementMoments:
+        """Sums over the steps of the displacement's powers, in the body frame, instead of their integrals."""
+        dt = two_thirds_turn(self.cna) / self.steps
+        heading = self.candidates[:, None] * np.arange(self.steps) * dt
+        d1, d2 = (self.cna.speed * dt * np.cumsum(f(heading), axis=1) for f in (np.cos, np.sin))  # (candidate, step)
+        sums = [dt * power.sum(axis=1) for power in (np.ones_like(d1), d1, d2, d1 * d1, d1 * d2, d2 * d2)]
+        return DisplacementMoments(*(np.stack([total, 0 * total, 0 * total]) for total in sums))  # of t^1 and t^2: AUVs at rest need none
+
+    @property
+    def candidates(self) -> np.ndarray:
+        """Turn rates tried [rad/s]."""
+        return np.linspace(self.cna.max_turn_rate, -self.cna.max_turn_rate, self.turn_rates)
+
+    def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002 - the protocol's signature
+        """The best candidate."""
+        east, north = pose[0] - targets.mean[0, :], pose[1] - targets.mean[1, :]
+        c, s = ca.cos(pose[2]), ca.sin(pose[2])
+        conditions = score_expression("condition-number", gramian_entries(self.moments(), (c * east + s * north, c * north - s * east)))
+        turn_rate, best, chosen = ca.SX(0.0), ca.SX(ca.inf), ca.SX.inf(1, conditions.shape[1])
+        for k, candidate in enumerate(self.candidates):
+            total = ca.sum2(conditions[k, :]) / conditions.shape[1]
+            better = total < best
+            turn_rate, best = ca.if_else(better, candidate, turn_rate), ca.if_else(better, total, best)
+            chosen = ca.if_else(better, conditions[k, :], chosen)
+        status = ca.if_else(best < ca.inf, float(Status.OPTIMAL), float(Status.UNOBSERVABLE))
+        return Command(turn_rate, ca.SX(self.cna.speed), best, chosen, status)
+
+
+def small(name: str, *settings: str) -> Scenario:
+    """A survey of three short legs under the Gramian method."""
+    return load(name, planner="gramian", settings=(*SMALL, *settings))
+
+
+def compute_horizon(*, runs: int, seed: int) -> "xr.Dataset":
+    """Errors by pace and horizon, and by pace and number of Euler steps."""
+    import xarray as xr
+
+    lengths, steps = {}, {}
+    for name in PACES:
+        turn = two_thirds_turn(small(name).cna) * 1.5
+        durations = {f"{turns:.2f}": small(name, f"planner.horizon={turns * turn}") for turns in HORIZONS}
+        lengths[name] = fly_seeds(durations, seeds(runs, seed)).rename(case="turns")
+        euler = {str(n): small(name) for n in EULER_STEPS}
+        planners = {str(n): EulerHorizon(small(name).cna, n) for n in EULER_STEPS}
+        steps[name] = fly_seeds(euler, seeds(runs, seed), planners).rename(case="euler_steps")
+    names = xr.DataArray(list(PACES), dims="scenario", name="scenario")
+    by_length = xr.concat(lengths.values(), dim=names).assign_coords(turns=list(HORIZONS))
+    by_steps = xr.concat(steps.values(), dim=names).assign_coords(euler_steps=list(EULER_STEPS))
+    return by_length.assign(euler_rms_error=by_steps.rms_error)
+
+
+def draw_horizon(data: "xr.Dataset") -> Figure:
+    """Error over the horizon's length and over its number of steps."""
+    figure, axes = panels(2, width=5.0)
+    for i, (name, label) in enumerate(PACES.items()):
+        draw_medians(axes[0], data.turns.values, data.rms_error.sel(scenario=name).values, colour(i), label)
+        draw_medians(axes[1], data.euler_steps.values, data.euler_rms_error.sel(scenario=name).values, colour(i), label)
+    axes[0].axvline(2 / 3, color="#888888", lw=1.0, ls="--")
+    axes[0].set_xlabel("Horizon [smallest circles] (dashed: the thesis's)")
+    axes[1].set_xlabel("Euler steps of the horizon [-]")
+    for one in axes:
+        log_ticks(one.xaxis)
+        log_ticks(one.yaxis)
+        one.set_ylabel("RMS error [m]")
+    axes[0].legend(fontsize=8)
+    return figure
+
+
+def draw_medians(axes: Axes, x: np.ndarray, errors: np.ndarray, paint: str, label: str) -> None:
+    """Median over the last axis, and quartiles as a band."""
+    first, median, third = np.quantile(errors, [0.25, 0.5, 0.75], axis=-1)
+    axes.fill_between(x, first, third, color=paint, alpha=0.2, lw=0)
+    axes.plot(x, median, "o-", ms=4, lw=1.0, color=paint, label=label)
+
+
+def found_horizon(data: "xr.Dataset") -> Finding:
+    """The best horizon, and what coarse simulation costs."""
+    parts = []
+    for name, label in PACES.items():
+        median = data.rms_error.sel(scenario=name).median("seed").values
+        euler = data.euler_rms_error.sel(scenario=name).median("seed").values
+        best, thesis = int(median.argmin()), HORIZONS.index(2 / 3)
+        parts.append(
+            f"with the {label}, {metres(median[thesis])} at the thesis's two thirds of a circle, least ({metres(median[best])}) at "
+            f"{HORIZONS[best]:.2g} and most ({metres(median.max())}) at {HORIZONS[int(median.argmax())]:.2g} circles; simulated in "
+            f"{', '.join(f'{n}' for n in EULER_STEPS)} Euler steps {', '.join(figure(value) for value in euler)} m"
+        )
+    return Finding(agrees=None, sentence=f"Median RMS error: {'; '.join(parts)}.")
+
+
+def formations(*settings: str) -> dict[str, Scenario]:
+    """Three formations under the Gramian method."""
+    return {
+        "triangle of 2 m at rest": load("fixed-formation", planner="gramian", settings=settings),
+        "triangle of 10 m at rest": load("fixed-formation", planner="gramian", settings=(*WIDE, *settings)),
+        "triangle of 2 m under way": load("mobile-formation", planner="gramian", settings=settings),
+    }
+
+
+def compute_aggregate(*, runs: int, seed: int) -> "xr.Dataset":
+    """Errors by aggregate and formation."""
+    return by_option("aggregate", {a: formations(f'planner.aggregate="{a}"') for a in AGGREGATES}, seeds(runs, seed))
+
+
+def by_option(option: str, cases: dict[str, dict[str, Scenario]], numbers: range) -> "xr.Dataset":
+    """Figures of merit by a planner's option and mission."""
+    import xarray as xr
+
+    flown = [fly_seeds(missions, numbers).rename(case="mission") for missions in cases.values()]
+    return xr.concat(flown, dim=xr.DataArray(list(cases), dims=option, name=option))
+
+
+def draw_options(axes: Axes, data: "xr.Dataset", option: str, variable: str, label: str) -> None:
+    """Medians and quartiles of each option, side by side for each mission."""
+    values, n = data[variable].transpose("mission", option, "seed").values, data.sizes[option]
+    for k, name in enumerate(data[option].values):
+        y = np.arange(len(values)) + 0.7 * ((k + 0.5) / n - 0.5)
+        first, median, third = np.quantile(values[:, k], [0.25, 0.5, 0.75], axis=-1)
+        axes.hlines(y, first, third, color=colour(k), lw=1.5)
+        axes.plot(median, y, "o", ms=5, color=colour(k), label=str(name))
+    axes.set_yticks(range(len(values)), [str(name) for name in data.mission.values])
+    axes.set_ylim(len(values) - 0.5, -0.5)
+    axes.set_xlabel(label)
+    log_ticks(axes.xaxis)
+    for y in range(1, len(values)):
+        axes.axhline(y - 0.5, color=AID, lw=0.4)
+
+
+def draw_pair(data: "xr.Dataset", option: str, second: tuple[str, str]) -> Figure:
+    """RMS error and another figure of merit by option and mission."""
+    figure, axes = panels(2, width=5.5)
+    draw_options(axes[0], data, option, "rms_error", "RMS error over all AUVs [m]")
+    draw_options(axes[1], data, option, *second)
+    axes[1].set_yticklabels([])
+    axes[1].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def draw_aggregate(data: "xr.Dataset") -> Figure:
+    """Error over all AUVs and of the worst one."""
+    return draw_pair(data, "aggregate", ("worst_auv_rms", "RMS error of the worst AUV [m]"))
+
+
+def found_aggregate(data: "xr.Dataset") -> Finding:
+    """How much the aggregate matters."""
+    parts = []
+    for mission in data.mission.values:
+        one = data.sel(mission=mission).median("seed")
+        all_, worst = (", ".join(f"{figure(v)}" for v in one[name].values) for name in ("rms_error", "worst_auv_rms"))
+        parts.append(f"{mission}: {all_} m over all, {worst} m for the worst AUV")
+    return Finding(agrees=None, sentence=f"Median RMS error with {', '.join(AGGREGATES)}: {'; '.join(parts)}.")
+
+
+def compute_blend(*, runs: int, seed: int) -> "xr.Dataset":
+    """Errors by metric and mission."""
+    cases = {}
+    for metric in METRICS:
+        option = f'planner.metric="{metric}"'
+        surveys = {label: small(name, option) for name, label in PACES.items()}
+        cases[metric] = surveys | {"triangle of 2 m under way": load("mobile-formation", planner="gramian", settings=(option,))}
+    return by_option("metric", cases, seeds(runs, seed))
+
+
+def draw_blend(data: "xr.Dataset") -> Figure:
+    """Error and separation."""
+    return draw_pair(data, "metric", ("separation", "Mean separation [m]"))
+
+
+def found_blend(data: "xr.Dataset") -> Finding:
+    """Whether the blend is better than either."""
+    parts = []
+    for mission in data.mission.values:
+        median, away = (data[name].sel(mission=mission).median("seed").values for name in ("rms_error", "separation"))
+        each = ", ".join(f"{metric} {figure(m)} m (at {figure(d)} m)" for metric, m, d in zip(METRICS, median, away, strict=True))
+        parts.append(f"{mission}: {each}")
+    return Finding(agrees=None, sentence=f"Median RMS error (mean separation): {'; '.join(parts)}.")
+
+
+ITEMS = (
+    Item(
+        name="study-horizon",
+        title="How far and how finely to look ahead",
+        claim="What is the trade-off between the duration of the simulated horizon and its accuracy (chapter 6)?",
+        compute=compute_horizon,
+        draw=draw_horizon,
+        found=found_horizon,
+    ),
+    Item(
+        name="study-aggregate",
+        title="Mean, root mean square or maximum over AUVs",
+        claim="Would the least RMS or the least maximal condition number serve several AUVs better than the mean (chapter 6)?",
+        compute=compute_aggregate,
+        draw=draw_aggregate,
+        found=found_aggregate,
+    ),
+    Item(
+        name="study-blend",
+        title="Condition number, unobservability index, or both",
+        claim="Does a combination of the condition number with the unobservability index give better paths (chapter 6)?",
+        compute=compute_blend,
+        draw=draw_blend,
+        found=found_blend,
+    ),
+)

@@ -1,0 +1,186 @@
+"""Open questions about path inertia: unequal and dynamic weights, and minimising the condition number itself."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+from matplotlib.figure import Figure
+
+from obsplan.planners.path_inertia import PathInertia
+from obsplan.planners.protocol import Command, Targets, decide
+from obsplan.report.style import AID, colour
+from obsplan.scenario import Scenario, load
+from obsplan.thesis.drawing import draw_tracks, log_ticks, panels
+from obsplan.thesis.flights import fly, pose, scenario
+from obsplan.thesis.item import Finding, Item
+from obsplan.thesis.montecarlo import figure, fly_seeds
+from obsplan.thesis.study_gramian import PACES, SMALL, WIDE, draw_medians, draw_options, seeds
+from obsplan.types import Belief, Decision, Pose
+from obsplan.vehicles import Unicycle
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+WEIGHTS = (0.0, 0.2, 1 / 3, 0.5, 0.7, 0.85, 1.0)  # share of the AUV that is hard to localize; a third is equal
+NEEDY = "auv.0"
+STRAYS = (  # the first AUV strays ten times as much as the others
+    "duration=300.0",
+    *(f"auv.{i}.process_noise.position={0.3 if i == 0 else 0.03}" for i in range(3)),
+    "ranging.interval=1.0",
+)
+RULES = {  # of path inertia: its options
+    "difference, γ = 0": ("planner.gamma=0.0",),
+    "difference, γ = 1": ("planner.gamma=1.0",),
+    "condition number": ('planner.objective="condition-number"',),
+}
+OUTWARD = (1.0, 0.0, 45.0)  # the obtuse start of Figure 5.2 [m, m, degrees]
+
+
+@dataclass(frozen=True)
+class CovarianceWeighted:
+    """A planner whose weights follow what each AUV reports: the trace of its position covariance."""
+
+    condition_label = "κ(J)"
+
+    cna: Unicycle
+    planner: PathInertia
+
+    def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
+        """Decide with the weights of this moment."""
+        return decide(self, pose, auvs, time)
+
+    def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:
+        """The planner's expression under the weights of this moment."""
+        variance = targets.position_covariance[0, :] + targets.position_covariance[2, :]
+        return self.planner.closed_form(time, pose, targets._replace(weight=variance.T))
+
+
+def strayed(*settings: str) -> Scenario:
+    """The wide triangle at rest, of which one AUV strays more."""
+    return load("fixed-formation", planner="path-inertia", settings=(*WIDE, *STRAYS, 'planner.knowledge="estimate"', *settings))
+
+
+def compute_weights(*, runs: int, seed: int) -> "xr.Dataset":
+    """Errors by the straying AUV's share of the weight, and with weights that follow the covariances."""
+    cases = {f"{share:.2f}": strayed(f"auv.0.weight={share}", *(f"auv.{i}.weight={(1 - share) / 2}" for i in (1, 2))) for share in WEIGHTS}
+    numbers = seeds(runs, seed)
+    static = fly_seeds(cases, numbers).rename(case="share").assign_coords(share=list(WEIGHTS))
+    one = strayed()
+    dynamic = fly_seeds({"dynamic": one}, numbers, {"dynamic": CovarianceWeighted(one.cna, PathInertia(one.cna, gamma=1.0))})
+    return static.assign({f"dynamic_{name}": dynamic[name].isel(case=0, drop=True) for name in ("rms_error", "worst_auv_rms")})
+
+
+def draw_weights(data: "xr.Dataset") -> Figure:
+    """Errors over the weight's share, and of the dynamic weights."""
+    figure, axes = panels(2, width=5.0)
+    for one, name, label in zip(axes, ("rms_error", "worst_auv_rms"), ("over all AUVs", "of the worst AUV"), strict=True):
+        draw_medians(one, data.share.values, data[name].values, colour(0), "fixed weights")
+        first, median, third = np.quantile(data[f"dynamic_{name}"], [0.25, 0.5, 0.75])
+        one.axhspan(first, third, color=colour(1), alpha=0.2, lw=0)
+        one.axhline(median, color=colour(1), lw=1.2, label="weights following the covariances")
+        one.axvline(1 / 3, color="#888888", lw=1.0, ls="--")
+        one.set(xlabel="Weight of the AUV that strays most (dashed: equal)", ylabel=f"RMS error {label} [m]")
+        log_ticks(one.yaxis)
+    axes[0].legend(fontsize=8)
+    return figure
+
+
+def found_weights(data: "xr.Dataset") -> Finding:
+    """What fixed and dynamic weights gain."""
+    all_, worst = data.rms_error.median("seed").values, data.worst_auv_rms.median("seed").values
+    equal, best = WEIGHTS.index(1 / 3), int(all_.argmin())
+    dynamic = [float(data[f"dynamic_{name}"].median()) for name in ("rms_error", "worst_auv_rms")]
+    return Finding(
+        agrees=None,
+        sentence=(
+            f"With one of three AUVs straying ten times as much, median RMS error over all (of the worst): equal weights "
+            f"{figure(all_[equal])} ({figure(worst[equal])}) m; the best fixed share for it, {WEIGHTS[best]:.2g}, {figure(all_[best])} "
+            f"({figure(worst[best])}) m; all for it {figure(all_[-1])} ({figure(worst[-1])}) m; weights following the covariances "
+            f"{figure(dynamic[0])} ({figure(dynamic[1])}) m. Since path inertia sees the AUVs only through their weighted centroid, "
+            f"weights "
+            "move the centre of the same orbit."
+        ),
+    )
+
+
+def compute_curvature(*, runs: int, seed: int) -> "xr.Dataset":
+    """Paths from one start under each rule, and errors by rule and mission."""
+    import xarray as xr
+
+    flown = [fly(scenario("fixed-auv", "path-inertia", "duration=40.0", *options), [pose(*OUTWARD)]) for options in RULES.values()]
+    numbers, errors = seeds(runs, seed), []
+    for options in RULES.values():
+        surveys = {label: load(name, planner="path-inertia", settings=(*SMALL, *options)) for name, label in PACES.items()}
+        errors.append(fly_seeds(surveys, numbers)[["rms_error", "separation"]].rename(case="mission"))
+    rules = xr.DataArray(list(RULES), dims="rule", name="rule")
+    return xr.merge([xr.concat(flown, dim=rules), xr.concat(errors, dim=rules)], combine_attrs="override")
+
+
+def spiral(data: "xr.Dataset") -> np.ndarray:
+    """The logarithmic spiral's distance, d(t) = d0 + V cos(θ0) t: the limit of short steps where the condition number is minimised."""
+    x, y, heading = OUTWARD[0], OUTWARD[1], np.deg2rad(OUTWARD[2])
+    away = np.hypot(x, y)
+    return away + data.speed * (np.cos(heading) * x + np.sin(heading) * y) / away * data.time.values
+
+
+def draw_curvature(data: "xr.Dataset") -> Figure:
+    """Paths, distances and condition numbers from one start; errors in surveys."""
+    figure, axes = panels(4, width=3.6, height=3.4)
+    for k, rule in enumerate(data.rule.values):
+        one = data.sel(rule=rule)
+        draw_tracks(axes[0], one, [colour(k)])
+        axes[1].plot(data.time, one.distance[0, 0], color=colour(k), lw=1.0, label=str(rule))
+        axes[2].plot(data.time[:-1], one.condition[0, 0, :-1], color=colour(k), lw=1.0)
+    axes[1].plot(data.time, spiral(data), color=AID, lw=0.8, ls="--", label="logarithmic spiral")
+    axes[1].set(xlabel="Time [s]", ylabel="Distance [m]")
+    axes[1].legend(fontsize=7)
+    axes[2].set(xlabel="Time [s]", ylabel="Predicted condition number κ(J) [-]")
+    draw_options(axes[3], data, "rule", "rms_error", "RMS error in the survey [m]")
+    axes[3].set_yticks([0, 1], ["10 times\nas fast", "as fast"])
+    return figure
+
+
+def found_curvature(data: "xr.Dataset") -> Finding:
+    """What minimising κ itself does."""
+    last, mean = [], []
+    for rule in data.rule.values:
+        one = data.sel(rule=rule)
+        last.append(float(one.distance[0, 0, -1]))
+        mean.append(float(one.condition[0, 0, :-1].mean()))
+    off = float(np.abs(data.distance.sel(rule="condition number")[0, 0] - spiral(data)).max())
+    parts = []
+    for mission in data.mission.values:
+        median, away = (data[name].sel(mission=mission).median("seed").values for name in ("rms_error", "separation"))
+        parts.append(f"{mission}: " + ", ".join(f"{figure(m)} m (at {figure(d)} m)" for m, d in zip(median, away, strict=True)))
+    return Finding(
+        agrees=None,
+        sentence=(
+            f"From an obtuse start it holds the angle to the line of sight: a logarithmic spiral, whose distance grows in proportion to "
+            f"time (to "
+            f"{off:.2f} m), {last[2]:.0f} m after {data.time[-1]:.0f} s where the difference of eigenvalues leads to {last[0]:.0f} m "
+            f"and with γ = 1 to {last[1]:.1f} m; its mean κ(J) is {mean[2]:.2f}, against {mean[0]:.2f} and {mean[1]:.2f}: what it gains is "
+            f"not worth the distance. In surveys, median RMS error (mean separation) with {', '.join(RULES)}: {'; '.join(parts)}."
+        ),
+    )
+
+
+ITEMS = (
+    Item(
+        name="study-weights",
+        title="Unequal and dynamic weights",
+        claim="Is there use in unequal weights of several AUVs, or in weights that change over time (chapter 6)?",
+        compute=compute_weights,
+        draw=draw_weights,
+        found=found_weights,
+    ),
+    Item(
+        name="study-curvature",
+        title="The condition number itself",
+        claim="What does minimising the condition number itself do that minimising the difference of eigenvalues, as in (3.20), does not?",
+        compute=compute_curvature,
+        draw=draw_curvature,
+        found=found_curvature,
+    ),
+)

@@ -1,0 +1,98 @@
+"""Open question: which missions and speed ratios defeat each method."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+
+from obsplan.scenario import Scenario, load
+from obsplan.thesis.item import Finding, Item
+from obsplan.thesis.montecarlo import figure, fly_seeds
+from obsplan.thesis.study_gramian import seeds
+from obsplan.thesis.tables import POLICIES, PRINTED
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+RATIOS = (0.5, 1.0, 2.0, 5.0, 10.0)  # speed of the aid vehicle over the AUV's
+SURVEYS = {  # some hundred metres each, from the thesis's first position
+    "lawnmower": '{ kind = "lawnmower", legs = 3, length = 25.0, spacing = 8.0, heading_deg = 90.0, x = -2.0, y = 0.0, side = "right" }',
+    "straight": '{ kind = "waypoints", points = [[-2.0, 0.0], [-2.0, 100.0]] }',
+    "square": '{ kind = "waypoints", points = [[-2.0, 0.0], [-2.0, 25.0], [23.0, 25.0], [23.0, 0.0], [-2.0, 0.0]] }',
+    "zigzag": '{ kind = "waypoints", points = [[-2.0, 0.0], [8.0, 17.0], [-2.0, 34.0], [8.0, 51.0], [-2.0, 68.0], [8.0, 85.0]] }',
+}
+METHODS = POLICIES | PRINTED
+DEFEATED = 2.0  # RMS error [m] that tells no more than the first estimate, which is 2 m off
+EXTREMES = (0.1, 100.0)  # of the colour scale [m]
+
+
+def mission(survey: str, ratio: float, method: str) -> Scenario:
+    """One survey at one speed under one method."""
+    planner, *own = METHODS[method]
+    return load("survey-slow", planner=planner, settings=(f"auv.0.survey={SURVEYS[survey]}", f"auv.0.speed={1.0 / ratio}", *own))
+
+
+def compute(*, runs: int, seed: int) -> "xr.Dataset":
+    """Errors by method, survey and ratio."""
+    import xarray as xr
+
+    def of_method(method: str) -> "xr.Dataset":
+        flown = [fly_seeds({f"{r:g}": mission(s, r, method) for r in RATIOS}, seeds(runs, seed)).rename(case="ratio") for s in SURVEYS]
+        return xr.concat(flown, dim=xr.DataArray(list(SURVEYS), dims="survey", name="survey"))
+
+    data = xr.concat([of_method(method) for method in METHODS], dim=xr.DataArray(list(METHODS), dims="policy", name="policy"))
+    return data.assign_coords(ratio=list(RATIOS))
+
+
+def draw(data: "xr.Dataset") -> Figure:
+    """A map for each method."""
+    figure = Figure(figsize=(14.0, 3.6), layout="constrained")
+    axes = figure.subplots(1, data.sizes["policy"], sharey=True)
+    for one, method in zip(axes, data.policy.values, strict=True):
+        picture = _draw_map(one, data.sel(policy=method))
+        one.set_title(str(method))
+    figure.colorbar(picture, ax=list(axes), label="Median RMS error [m]")
+    return figure
+
+
+def _draw_map(axes: Axes, data: "xr.Dataset") -> object:
+    median = data.rms_error.transpose("survey", "ratio", "seed").median("seed").values
+    picture = axes.imshow(median, cmap="viridis_r", norm=LogNorm(*EXTREMES), aspect="auto")
+    for (i, k), value in np.ndenumerate(median):
+        axes.text(k, i, figure(value), ha="center", va="center", fontsize=8, color="white" if value > DEFEATED else "black")
+    axes.set_xticks(range(len(RATIOS)), [f"{ratio:g}" for ratio in RATIOS])
+    axes.set_yticks(range(len(SURVEYS)), list(SURVEYS))
+    axes.set_xlabel("Speed, aid vehicle / AUV")
+    axes.grid(visible=False)
+    return picture
+
+
+def found(data: "xr.Dataset") -> Finding:
+    """Which combinations defeat each method."""
+    median, parts = data.rms_error.median("seed"), []
+    for method in METHODS:
+        lost = [
+            f"{survey} at {', '.join(f'{r:g}' for r in RATIOS if float(median.sel(policy=method, survey=survey, ratio=r)) > DEFEATED)}"
+            for survey in SURVEYS
+            if (median.sel(policy=method, survey=survey) > DEFEATED).any()
+        ]
+        worst = float(median.sel(policy=method).max())
+        parts.append(f"{method}: {'; '.join(lost) if lost else 'none'} (worst {figure(worst)} m)")
+    return Finding(
+        agrees=None,
+        sentence=f"Surveys and speed ratios at which the median RMS error exceeds {DEFEATED:g} m, the first error: {'. '.join(parts)}.",
+    )
+
+
+ITEMS = (
+    Item(
+        name="study-speeds",
+        title="Which speeds and missions defeat each method",
+        claim="Which missions, or combinations of vehicle speeds, lead to poor estimation even with the planning methods (chapter 6)?",
+        compute=compute,
+        draw=draw,
+        found=found,
+    ),
+)
