@@ -14,7 +14,7 @@ from formulations.solution import Status
 from obsplan.planners import DEFAULT_PLANNER, PLANNERS, name_of, planner_class
 from obsplan.planners.protocol import columns, compiled, expression_of
 
-ONE_SIDED = {"circle"}  # goes round counter-clockwise, so its mirror image is another planner
+ONE_SIDED = {"circle", "random"}  # go their way in a mirror, too: the mirror image is another planner
 BESIDES = [("path-inertia", {"gamma": 0.0}), ("path-inertia", {"change_weight": 0.5}), ("path-inertia", {"max_radius": 8.0})]
 
 

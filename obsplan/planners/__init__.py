@@ -10,6 +10,10 @@ PLANNERS = {
     "path-inertia": "obsplan.planners.path_inertia:PathInertia",
     "gramian": "obsplan.planners.gramian:GramianHorizon",
     "information": "obsplan.planners.information:InformationHorizon",
+    "error-ellipse": "obsplan.planners.error_ellipse:ErrorEllipse",
+    "centroid-orbit": "obsplan.planners.centroid_orbit:CentroidOrbit",
+    "trail": "obsplan.planners.trail:Trail",
+    "random": "obsplan.planners.random_turns:RandomTurns",
     "circle": "obsplan.planners.circle:Circle",
     "stationary": "obsplan.planners.stationary:Stationary",
 }

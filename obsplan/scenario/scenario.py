@@ -190,6 +190,8 @@ class Scenario:
             "ping_interval": ranging.interval,
             "sigma": ranging.sigma,
             "ranging_kind": ranging.kind,
+            "heading_sigma": self.heading_sensor.sigma,
+            "seed": self.table.seed,
             "constraints": self.constraints,
             "decision_interval": self.decide_every * self.table.time_step,
         }[name]

@@ -12,7 +12,7 @@ Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 
 # what the scenario itself tells a planner that has such a field
-CONTEXT = ("cna", "center", "radius", "ping_interval", "sigma", "ranging_kind", "constraints", "decision_interval")
+CONTEXT = ("cna", "center", "radius", "ping_interval", "sigma", "ranging_kind", "heading_sigma", "seed", "constraints", "decision_interval")
 
 
 class Table(BaseModel):

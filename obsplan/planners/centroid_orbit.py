@@ -1,0 +1,70 @@
+"""Orbit the AUVs' centroid: the circle a survey engineer would choose by hand, but moving with the AUVs."""
+
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
+from typing import Annotated
+
+import casadi as ca
+import numpy as np
+
+from formulations.solution import Status
+from obsplan.planners.protocol import Command, Targets, decide
+from obsplan.planners.steering import look_ahead, turn_toward
+from obsplan.types import Belief, Decision, Pose
+from obsplan.vehicles import Unicycle
+
+STEEPEST = 0.99  # sine of the largest crab angle: beyond it the vehicle cannot keep up anyway
+
+
+@dataclass(frozen=True)
+class CentroidOrbit:
+    """Circle the AUVs' weighted centroid the shorter way round, crabbing so that the circle moves with it.
+
+    The course relative to the centroid is the orbit's tangent, turned toward the orbit by atan(distance from it / look-ahead). ``score`` is
+    the squared distance from the orbit [m^2]. (Standoff tracking by a vector field: Frew, Lawrence and Morris 2008.)
+    """
+
+    condition_label = ""
+
+    cna: Unicycle
+    _: KW_ONLY
+    orbit_radius: Annotated[float | None, "radius [m]; default: the farthest AUV's distance plus the smallest turning diameter"] = None
+
+    def __post_init__(self) -> None:
+        if self.orbit_radius is not None and not self.cna.min_turn_radius <= self.orbit_radius < np.inf:
+            raise ValueError(f"orbit_radius must be at least the turning radius {self.cna.min_turn_radius} m, got {self.orbit_radius}")
+
+    def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
+        """Steer along the orbit as it is now."""
+        return decide(self, pose, auvs, time)
+
+    def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002 - the protocol's signature
+        """The turn rate of the orbit plus a correction onto its course."""
+        share = targets.weight / ca.sum1(targets.weight)
+        center, drift = targets.mean[:2, :] @ share, targets.velocity @ share
+        away = pose[:2] - center
+        radius = self._radius(center, targets)
+        outside = ca.hypot(away[0], away[1]) - radius
+        turns_left = away[0] * ca.sin(pose[2]) >= away[1] * ca.cos(pose[2])
+        sense = ca.if_else(turns_left, 1.0, -1.0)
+        tangent = ca.atan2(away[1], away[0]) + sense * (np.pi / 2 + ca.atan(outside / look_ahead(self.cna)))
+        along, abeam = rotated(-tangent, drift)  # the centroid's velocity along the tangent and to its left
+        crab = ca.asin(ca.fmax(-STEEPEST, ca.fmin(STEEPEST, abeam / self.cna.speed)))
+        ahead = self.cna.speed * ca.cos(crab)
+        turning = sense * (ahead - along) / radius  # of the tangent
+        turn_rate = turn_toward(self.cna, pose[2], tangent + crab, turning=turning * (1 - along / ahead))  # the crab turns back by as much
+        none = ca.SX.nan(1, targets.mean.shape[1])
+        return Command(turn_rate, ca.SX(self.cna.speed), outside**2, none, ca.SX(float(Status.OPTIMAL)))
+
+    def _radius(self, center: ca.SX, targets: Targets) -> ca.SX:
+        """Radius [m] in use; an AUV of weight 0 has no say."""
+        if self.orbit_radius is not None:
+            return ca.SX(self.orbit_radius)
+        distance = ca.hypot(targets.mean[0, :] - center[0], targets.mean[1, :] - center[1])
+        return ca.mmax(ca.if_else(targets.weight.T > 0, distance, 0.0)) + 2.0 * self.cna.min_turn_radius
+
+
+def rotated(angle: ca.SX, vector: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Components of a vector turned counter-clockwise."""
+    c, s = ca.cos(angle), ca.sin(angle)
+    return c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]

@@ -1,0 +1,64 @@
+"""Error ellipse: the greedy rule of single-beacon planning."""
+
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
+from typing import Annotated
+
+import casadi as ca
+import numpy as np
+
+from formulations.solution import Status
+from obsplan.planners.candidates import first_of_the_best
+from obsplan.planners.protocol import Command, Targets, decide
+from obsplan.types import Belief, Decision, Pose
+from obsplan.vehicles import Unicycle
+
+ROUNDING = 1e-6  # of the time between pings: a time this near to a ping is the ping's
+
+
+@dataclass(frozen=True)
+class ErrorEllipse:
+    r"""Turn so that the next range is measured along the largest axis of each AUV's error ellipse, as nearly as one turn allows.
+
+    Of turn rates held until the next ping the one is taken after which least variance lies across the lines of sight,
+
+    .. math:: \sum_i w_i (\operatorname{tr} P_i - u_i^\top P_i u_i),
+
+    with P the reported position covariance and u the line of sight to the AUV, which moves on at its velocity. This is ``score`` [m^2]. It
+    looks no further than one range and keeps no distance. (Chitre, "Path planning for cooperative underwater range-only navigation using a
+    single beacon", 2010, whose beacon minimises the error after the next range; errors along the range are taken to vanish.)
+    """
+
+    condition_label = ""
+
+    cna: Unicycle
+    _: KW_ONLY
+    ping_interval: Annotated[float, "time between ranges [s]; default: the scenario's"]
+    turn_rates: Annotated[int, "number of candidates, at least 2"] = 21
+
+    def __post_init__(self) -> None:
+        if not 0 < self.ping_interval < np.inf:
+            raise ValueError(f"ping_interval must be positive and finite [s], got {self.ping_interval}")
+        if self.turn_rates < 2:
+            raise ValueError(f"turn_rates must be at least 2 candidates, got {self.turn_rates}")
+
+    def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
+        """Choose the best turn."""
+        return decide(self, pose, auvs, time)
+
+    def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:
+        """The best candidate, scores of all being one expression."""
+        limit = self.cna.max_turn_rate
+        rates = np.linspace(limit, -limit, self.turn_rates)
+        since = ca.fmod(time, self.ping_interval)
+        wait = self.ping_interval - ca.if_else(since > (1 - ROUNDING) * self.ping_interval, 0.0, since)
+        places = ca.horzcat(*(self.cna.step(pose[:3], ca.SX(ca.DM([u, self.cna.speed])), wait)[:2] for u in rates))
+        auvs = targets.mean[:2, :] + targets.velocity * wait
+        x, y = (places[i, :].T - ca.repmat(auvs[i, :], self.turn_rates, 1) for i in (0, 1))
+        p11, p12, p22 = (ca.repmat(targets.position_covariance[i, :], self.turn_rates, 1) for i in range(3))
+        square = x**2 + y**2
+        across = (p11 * y**2 - 2 * p12 * x * y + p22 * x**2) / ca.if_else(square > 0, square, 1.0)
+        totals = across @ (targets.weight / ca.sum1(targets.weight))
+        best, (turn_rate,) = first_of_the_best(totals, [ca.SX(ca.DM(rates))], [ca.SX(0.0)])
+        none = ca.SX.nan(1, targets.mean.shape[1])
+        return Command(turn_rate, ca.SX(self.cna.speed), best, none, ca.SX(float(Status.OPTIMAL)))

@@ -1,0 +1,51 @@
+"""Trail the AUVs: the escort that keeps its place in their formation."""
+
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
+from typing import Annotated
+
+import casadi as ca
+import numpy as np
+
+from formulations.solution import Status
+from obsplan.planners.protocol import Command, Targets, decide
+from obsplan.planners.steering import look_ahead, turn_toward
+from obsplan.types import Belief, Decision, Pose
+from obsplan.vehicles import Unicycle
+
+
+@dataclass(frozen=True)
+class Trail:
+    """Keep a place behind, or to the left of, the AUVs' weighted centroid and mean heading, as slowly as that takes.
+
+    The velocity wanted is the centroid's plus the way to the place over the time the vehicle needs for a look-ahead. ``score`` is the
+    squared distance from the place [m^2].
+    """
+
+    condition_label = ""
+
+    cna: Unicycle
+    _: KW_ONLY
+    behind: Annotated[float | None, "distance behind [m]; default: the smallest turning diameter"] = None
+    left: Annotated[float, "distance to the left [m]; negative: to the right"] = 0.0
+
+    def __post_init__(self) -> None:
+        if not np.isfinite([self.left, self.behind or 0.0]).all():
+            raise ValueError(f"behind and left must be finite [m], got {self.behind} and {self.left}")
+
+    def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
+        """Steer to the place."""
+        return decide(self, pose, auvs, time)
+
+    def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002 - the protocol's signature
+        """Turn rate and speed of a pursuit of the place."""
+        share = targets.weight / ca.sum1(targets.weight)
+        heading = ca.atan2(ca.sin(targets.mean[2, :]) @ share, ca.cos(targets.mean[2, :]) @ share)
+        ahead, abeam = ca.vertcat(ca.cos(heading), ca.sin(heading)), ca.vertcat(-ca.sin(heading), ca.cos(heading))
+        behind = look_ahead(self.cna) if self.behind is None else self.behind
+        gap = targets.mean[:2, :] @ share - behind * ahead + self.left * abeam - pose[:2]
+        wanted = targets.velocity @ share + gap * (self.cna.speed / look_ahead(self.cna))
+        speed = ca.fmin(self.cna.speed, ca.hypot(wanted[0], wanted[1]))  # cruising speed also where it is no number
+        turn_rate = turn_toward(self.cna, pose[2], ca.atan2(wanted[1], wanted[0]), speed=speed)
+        none = ca.SX.nan(1, targets.mean.shape[1])
+        return Command(turn_rate, speed, ca.sumsqr(gap), none, ca.SX(float(Status.OPTIMAL)))
