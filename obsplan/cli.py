@@ -96,7 +96,7 @@ def campaign(
             report = fly_campaign(cells, out, workers=workers, scheduler=scheduler, progress=progress)
     except KeyboardInterrupt:
         typer.echo(f"obsplan: interrupted; what was flown is kept in {out}, and the same command goes on from there", err=True)
-        raise typer.Exit(130) from None
+        sys.exit(INTERRUPTED)  # not by way of `main`, which says that nothing was written
     say(f"{report.missions} missions: {report.flown} flown now, {report.missions - report.flown} were there, {report.failed} failed.")
     say(f"Written to {out}{'' if out.is_absolute() else '/'}: campaign.parquet, campaign.csv. Next: obsplan campaign-report {out}")
     for cell, number, reason in report.failures:

@@ -14,25 +14,32 @@ PATIENCE = 30.0  # [s] for the scheduler to answer, and for its first worker
 DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"  # Ctrl-C is for the process that started the workers and ends them
 
 
+FORGETFUL = {"distributed.admin.low-level-log-length": 10}  # else a client keeps its last thousand messages, each with a scenario
+
+
 @contextmanager
 def connected(*, workers: int | None, most: int, scheduler: str | None) -> Iterator["Client"]:
-    """A client of the cluster at an address, or of local processes, never more than ``most``, made for the while.
-
-    Local processes talk over the loopback interface only, and there is no dashboard.
+    """A client of the cluster at an address, or of local processes (default: one per core), never more than ``most``, for the while.
 
     Raises
     ------
     ObsplanError
         Nobody answers, or nobody works there.
     """
+    import distributed  # noqa: F401 - brings the defaults which are set below
+    from dask import config
     from dask.system import CPU_COUNT
+
+    where = local(min(workers or CPU_COUNT, most)) if scheduler is None else remote(scheduler)
+    with config.set(FORGETFUL), where as client:
+        yield client
+
+
+@contextmanager
+def local(number: int) -> Iterator["Client"]:
+    """A client of processes made for the while; they talk over the loopback interface only, and there is no dashboard."""
     from distributed import Client, LocalCluster
 
-    if scheduler is not None:
-        with remote(scheduler) as client:
-            yield client
-        return
-    number = min(workers or CPU_COUNT, most)
     options = {"n_workers": number, "threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "memory_limit": None}
     with LocalCluster(host="127.0.0.1", silence_logs=logging.CRITICAL, preload=DEAF, **options) as cluster, Client(cluster) as client:
         yield client

@@ -179,7 +179,7 @@ class Flight:
         self.failed += sum(outcome.error is not None for _, outcome in flown)
         self.progress(self.done, self.todo, self.failed)
 
-    def timing(self) -> dict[str, float]:
+    def timing(self) -> dict[str, float | int]:
         """How fast it was; kept apart from the results, which do not depend on it."""
         self._look_around()
         seconds = perf_counter() - self.began

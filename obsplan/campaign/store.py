@@ -10,7 +10,7 @@ import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from obsplan.campaign.plan import Cell
 from obsplan.campaign.worker import Outcome
@@ -60,7 +60,7 @@ class Store:
                 self._connection.close()
                 raise
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Store":
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -1,0 +1,230 @@
+"""Campaigns read: medians, comparisons and figures that say what the table says."""
+
+import csv
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from campaigns import DIVERGES, finish, start, write_scenario
+from matplotlib import image
+from scipy import stats
+
+from obsplan.campaign.statistics import holm, median_interval, medians, paired, signed_rank_p, varied_keys
+from obsplan.campaign.store import FIGURES
+from obsplan.cli import main
+from obsplan.report import campaign as module
+from obsplan.report import campaign_table, write_campaign_report
+from obsplan.report.campaign import figures, sentences
+from obsplan.report.campaign_figures import key_figure, map_figure, planners_figure
+from obsplan.types import ObsplanError
+
+
+def table_of(errors, keys=()):
+    """A campaign's table from {(scenario, planner, value of each key): errors by seed}; nan is a failure."""
+    rows = [
+        [*labels, seed, "failed" if math.isnan(error) else "done", None, *[error] * len(FIGURES), "{}", "{}"]
+        for labels, values in errors.items()
+        for seed, error in enumerate(values)
+    ]
+    return pd.DataFrame(rows, columns=["scenario", "planner", *keys, "seed", "status", "error", *FIGURES, "auv", "status_counts"])
+
+
+@pytest.fixture
+def grid():
+    """Two planners over two keys in one scenario; circle is the better by 1 m everywhere, and errors grow with both keys."""
+    rng = np.random.default_rng(3)
+    noise = rng.normal(scale=0.05, size=30)
+    cells = [(planner, sigma, speed) for planner in ("circle", "gramian") for sigma in (1.0, 2.0, 4.0) for speed in (1.0, 3.0)]
+    error = {cell: cell[1] + 0.1 * cell[2] + (cell[0] == "gramian") + noise + rng.normal(scale=0.02, size=30) for cell in cells}
+    return table_of({("pond", *cell): list(values) for cell, values in error.items()}, keys=("ranging.sigma", "cna.speed"))
+
+
+def test_interval_of_a_median_covers_it_as_often_as_it_says():
+    """Of 400 samples of 41 from a known law, 95 % of intervals hold its median; four standard errors of that share are 0.044."""
+    rng = np.random.default_rng(1)
+    intervals = np.array([median_interval(rng.exponential(size=41)) for _ in range(400)])
+    covered = np.mean((intervals[:, 1] <= np.log(2)) & (np.log(2) <= intervals[:, 2]))
+    assert abs(covered - 0.95) < 0.044
+
+
+def test_interval_is_near_the_distribution_free_one_of_order_statistics():
+    """David & Nagaraja (2003), 7.1: of 101 values, the 41st and the 61st hold the median with probability 0.95."""
+    values = np.sort(np.random.default_rng(2).normal(size=101))
+    median, low, high = median_interval(values)
+    assert median == values[50]
+    assert values[38] <= low <= values[42]
+    assert values[58] <= high <= values[62]
+
+
+def test_too_few_values_have_no_interval():
+    assert median_interval(np.array([2.0]))[0] == 2.0
+    assert np.isnan(median_interval(np.array([2.0]))[1:]).all()
+    assert np.isnan(median_interval(np.empty(0))).all()
+    assert median_interval(np.full(5, 3.0)) == (3.0, 3.0, 3.0)
+
+
+def test_medians_leave_out_and_count_what_failed():
+    found = medians(table_of({("pond", "circle"): [1.0, 2.0, math.nan, 9.0], ("pond", "gramian"): [math.nan, math.nan]}))
+    assert list(found["missions"]) == [4, 2]
+    assert list(found["failed"]) == [1, 2]
+    assert found["rms_error_m"][0] == 2.0
+    assert found.loc[1, ["rms_error_m", "rms_error_m_low"]].isna().all()
+
+
+def test_intervals_are_the_same_each_time(grid):
+    pd.testing.assert_frame_equal(medians(grid), medians(grid.copy()))
+
+
+def test_settings_that_a_planner_does_not_have_make_a_group_of_their_own():
+    table = table_of({("pond", "circle", None): [1.0, 2.0], ("pond", "path-inertia", 0.5): [3.0, 4.0]}, keys=("planner.gamma",))
+    assert varied_keys(table) == ["planner.gamma"]
+    assert list(medians(table)["rms_error_m"]) == [1.5, 3.5]
+
+
+def test_holm_is_right_on_a_worked_example():
+    """Holm (1979): p of 0.01, 0.04, 0.03, 0.005 become 0.03, 0.06, 0.06, 0.02."""
+    np.testing.assert_allclose(holm(np.array([0.01, 0.04, 0.03, 0.005])), [0.03, 0.06, 0.06, 0.02], rtol=1e-15)
+    assert holm(np.array([0.9, 0.8])).max() == 1.0
+    assert holm(np.empty(0)).size == 0
+
+
+def test_holm_errs_at_most_as_often_as_it_says():
+    """Of 2000 families of ten true hypotheses, 5 % have one rejected; without correction 40 % have."""
+    p = np.random.default_rng(4).uniform(size=(2000, 10))
+    assert np.mean([holm(row).min() < 0.05 for row in p]) < 0.05 + 4 * math.sqrt(0.05 * 0.95 / 2000)
+    assert np.mean(p.min(axis=1) < 0.05) > 0.3
+
+
+def test_signed_rank_is_exact_for_few_pairs():
+    """Five differences of one sign: 2 of the 2^5 patterns of signs are as extreme."""
+    assert signed_rank_p(np.array([1.0, 2.0, 3.0, 4.5, 5.0])) == pytest.approx(2 / 32)
+    assert signed_rank_p(np.zeros(5)) == 1.0
+
+
+def test_pairs_are_made_by_seed_and_only_of_missions_that_did_not_fail():
+    errors = {("pond", "circle"): [1.0, 2.0, math.nan, 4.0], ("pond", "gramian"): [1.5, 2.25, 1.0, 4.125], ("lake", "circle"): [1.0]}
+    (row,) = paired(table_of(errors)).to_dict("records")
+    assert (row["scenario"], row["planner"], row["against"], row["pairs"]) == ("pond", "circle", "gramian", 3)
+    assert (row["difference"], row["better"]) == (-0.25, 1.0)
+    assert row["p"] == pytest.approx(2 / 2**3)
+
+
+def test_pairing_finds_what_unpaired_samples_hide():
+    """A gain of 0.05 under noise of 1 that both planners share."""
+    shared, rng = np.random.default_rng(5).normal(10.0, 1.0, size=40), np.random.default_rng(6)
+    one, other = shared + rng.normal(scale=0.02, size=40), shared + 0.05 + rng.normal(scale=0.02, size=40)
+    (row,) = paired(table_of({("pond", "circle"): list(one), ("pond", "gramian"): list(other)})).to_dict("records")
+    assert stats.mannwhitneyu(one, other).pvalue > 0.1
+    assert row["p_holm"] < 1e-6
+    assert row["low"] < -0.04 > row["difference"] > row["low"]
+
+
+def test_every_pair_of_planners_is_compared_in_every_setting_and_corrected_for_all(grid):
+    pairs = paired(grid)
+    assert len(pairs) == 6
+    assert np.allclose(pairs["difference"], -1.0, atol=0.05)
+    np.testing.assert_allclose(pairs["p_holm"].min(), 6 * pairs["p"].min())
+
+
+def test_sentences_name_the_winner_its_lead_and_what_failed():
+    errors = {("pond", name): [base + 0.01 * k for k in range(12)] for name, base in (("a", 1.0), ("b", 2.0), ("c", 3.0))}
+    errors["pond", "c"][3] = math.nan
+    table = table_of(errors)
+    first, second = sentences(medians(table), paired(table))
+    assert first.startswith("pond: a has the lowest error, by 1.00 m in the median of 12 seeds against b (corrected p at most 0.00")
+    assert second == "1 of 36 missions failed and are left out of all medians and comparisons."
+
+
+def test_sentences_claim_no_winner_where_chance_could_explain_it():
+    same = table_of({("pond", "a"): [1.0, 3.0, 2.0, 5.0], ("pond", "b"): [2.0, 1.0, 3.0, 4.0]})
+    assert sentences(medians(same), paired(same)) == ["pond: no planner leads all others by more than chance could explain."]
+
+
+def test_sentences_count_settings_where_they_are_many(grid):
+    (told,) = sentences(medians(grid), paired(grid))
+    assert "of 6 settings: circle in 6; in 0 chance could explain the lead" in told
+
+
+def test_lone_planner_is_compared_with_none(grid):
+    alone = grid[grid["planner"] == "circle"]
+    assert paired(alone).empty
+    assert sentences(medians(alone), paired(alone)) == []
+
+
+def test_lines_are_the_medians_against_the_key(grid):
+    (panel,) = key_figure(grid, "ranging.sigma", ["cna.speed"]).axes
+    for line, planner in zip(panel.lines, ("circle", "gramian"), strict=True):
+        assert line.get_label() == planner
+        expected = grid[grid["planner"] == planner].groupby("ranging.sigma")["rms_error_m"].median()
+        np.testing.assert_array_equal(line.get_xdata(), [1.0, 2.0, 4.0])
+        np.testing.assert_allclose(line.get_ydata(), expected)
+
+
+def test_words_are_an_axis_too():
+    table = table_of({("pond", "circle", kind): [1.0, 2.0] for kind in ("range", "squared-range")}, keys=("ranging.kind",))
+    (panel,) = key_figure(table, "ranging.kind").axes
+    assert [label.get_text() for label in panel.get_xticklabels()] == ["range", "squared-range"]
+
+
+def test_maps_have_a_field_per_setting_on_one_scale(grid):
+    panels = map_figure(grid, ("ranging.sigma", "cna.speed")).axes[:2]
+    meshes = [panel.collections[0] for panel in panels]
+    for mesh, planner in zip(meshes, ("circle", "gramian"), strict=True):
+        here = grid[grid["planner"] == planner]
+        chosen = lambda speed, sigma, here=here: here[(here["cna.speed"] == speed) & (here["ranging.sigma"] == sigma)]  # noqa: E731
+        expected = [[np.median(chosen(speed, sigma)["rms_error_m"]) for sigma in (1.0, 2.0, 4.0)] for speed in (1.0, 3.0)]
+        np.testing.assert_allclose(mesh.get_array().reshape(2, 3), expected)
+    assert len({mesh.get_clim() for mesh in meshes}) == 1
+
+
+def test_planners_keep_their_colours_from_figure_to_figure(grid):
+    dots = [line.get_color() for line in planners_figure(grid).axes[0].lines if line.get_marker() == "o"]
+    assert dots == [line.get_color() for line in key_figure(grid, "cna.speed").axes[0].lines]
+
+
+def test_figures_are_those_the_table_can_fill(grid):
+    assert list(figures(grid)) == [
+        "planners.png", "error-vs-ranging.sigma.png", "error-vs-cna.speed.png", "map-pond-ranging.sigma-cna.speed.png",
+    ]  # fmt: skip
+    assert list(figures(grid[grid["cna.speed"] == 1.0])) == ["planners.png", "error-vs-ranging.sigma.png"]
+
+
+def test_table_on_the_terminal_has_a_row_per_setting_and_says_what_it_leaves_out(grid, monkeypatch):
+    assert campaign_table(medians(grid)).row_count == 12
+    monkeypatch.setattr(module, "MOST_ROWS", 5)
+    short = campaign_table(medians(grid))
+    assert (short.row_count, short.caption) == (5, "and 7 more in medians.csv")
+
+
+@pytest.mark.slow
+def test_report_of_a_campaign_from_the_command_line(tmp_path, monkeypatch, capsys):
+    pond = write_scenario(tmp_path, duration=10.0)
+    vary = ["--vary", DIVERGES, "--vary", "ranging.sigma=1.0,2.0"]
+    finish(start(pond, "--planners", "circle,stationary", *vary, "--runs", 5, "--workers", 1, "--out", tmp_path / "out"), code=3)
+    monkeypatch.setattr("sys.argv", ["obsplan", "campaign-report", str(tmp_path / "out")])
+    with pytest.raises(SystemExit, match="0"):
+        main()
+    told = capsys.readouterr().out
+    assert "20 of 40 missions failed and are left out" in told
+    report = tmp_path / "out/report"
+    assert {path.name for path in report.iterdir()} == {
+        "medians.csv", "pairs.csv", "planners.png", "error-vs-auv.0.first_estimate.x.png", "error-vs-ranging.sigma.png",
+        "map-pond-auv.0.first_estimate.x-ranging.sigma.png",
+    }  # fmt: skip
+    for figure in report.glob("*.png"):
+        assert image.imread(figure).std() > 0.05  # something is drawn
+    with (report / "medians.csv").open() as file:
+        lines = list(csv.DictReader(file))
+    assert [line["failed"] for line in lines] == ["0", "0", "5", "5"] * 2
+    assert all(float(line["rms_error_m_low"]) <= float(line["rms_error_m"]) <= float(line["rms_error_m_high"]) for line in lines[:2])
+    before = {path.name: path.read_bytes() for path in report.iterdir()}
+    (report / "error-vs-old.png").write_text("of an earlier campaign")
+    (report / "notes.txt").write_text("mine")
+    assert set(write_campaign_report(tmp_path / "out").files) == set(before)
+    assert {path.name: path.read_bytes() for path in report.iterdir()} == before | {"notes.txt": b"mine"}
+
+
+def test_report_of_no_campaign_is_one_sentence(tmp_path):
+    with pytest.raises(ObsplanError, match="has no campaign; give the folder that `obsplan campaign --out` made"):
+        write_campaign_report(tmp_path)
