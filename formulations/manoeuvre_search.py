@@ -135,19 +135,22 @@ def search_manoeuvres(
     for s, (duration, pings) in enumerate(zip(*stages, strict=True)):
         now = Tracks(*(part[s] for part in tracks))
         predicted = predict_covariance(beam.covariance, now, process_noise, float(duration))
-        poses, arcs = _turned(beam.pose, turn_rates, speed, float(duration))
-        updated = range_update(predicted[:, None], poses[..., None, :2] - now.position, ranging, float(pings))
-        cost = beam.cost[:, None] + _criterion(updated, criterion) @ weights * (duration / total)
+        poses = _turned(beam.pose, turn_rates, speed, float(duration))
+        x = poses[..., None, :2] - now.position
+        known = _criterion(range_update(predicted[:, None, :, :2, :2], x, ranging, float(pings)), criterion)
+        cost = beam.cost[:, None] + known @ weights * (duration / total)
         first, worst = (np.broadcast_to(broken[:, None], cost.shape) for broken in (beam.first, beam.violation))
         if s == 0 and first_violation is not None:
             first = np.maximum(first_violation, 0.0)[None]
         if violation is not None:
-            times = elapsed + duration * np.arange(1, ARC_POINTS + 1) / ARC_POINTS
-            worst = np.maximum(worst, np.max([violation(arcs[..., i, :], t) for i, t in enumerate(times)], axis=0))
+            for part in np.arange(1, ARC_POINTS + 1) / ARC_POINTS:
+                along = _turned(beam.pose, turn_rates, speed, float(duration * part))[..., :2]
+                worst = np.maximum(worst, violation(along, elapsed + float(duration * part)))
         keep = np.lexsort((cost.ravel(), worst.ravel(), first.ravel()))[:beam_width]
         parent, turn = np.divmod(keep, len(turn_rates))
         turns = np.column_stack([beam.turns[parent], turn_rates[turn]])
-        beam = _Beam(poses[parent, turn], updated[parent, turn], cost.ravel()[keep], first.ravel()[keep], worst.ravel()[keep], turns)
+        updated = range_update(predicted[parent], x[parent, turn], ranging, float(pings))
+        beam = _Beam(poses[parent, turn], updated, cost.ravel()[keep], first.ravel()[keep], worst.ravel()[keep], turns)
         elapsed += float(duration)
     return Manoeuvre(beam.turns[0], float(beam.cost[0]), float(beam.first[0]), float(beam.violation[0]))
 
@@ -166,32 +169,32 @@ def predict_covariance(
     return F @ P @ F.swapaxes(-1, -2) + grown
 
 
-def range_update(P: Float[np.ndarray, "B 1 M 4 4"], x: Float[np.ndarray, "B K M 2"], ranging: Ranging, pings: float) -> np.ndarray:
-    """Covariances (B, K, M, 4, 4) after ranges from relative positions x [m]; a range from on top of an AUV tells nothing."""
+def range_update(P: Float[np.ndarray, "*#batch n n"], x: Float[np.ndarray, "*#batch 2"], ranging: Ranging, pings: float) -> np.ndarray:
+    """Covariances after ranges from relative positions x [m]; a range from on top of an AUV tells nothing.
+
+    P may hold the whole state or, for what becomes of the position alone, its first two components.
+    """
     d2 = np.sum(x**2, axis=-1)
     apart = d2 > 0
     safe = np.where(apart, d2, 1.0)
-    u = x / np.sqrt(safe)[..., None]
-    v = np.stack([-u[..., 1], u[..., 0]], axis=-1)
-    along, across = (np.einsum("...i,...ij,...j->...", w, P[..., :2, :2], w) for w in (u, v))
+    u1, u2 = x[..., 0] / np.sqrt(safe), x[..., 1] / np.sqrt(safe)
+    Pu = P[..., 0] * u1[..., None] + P[..., 1] * u2[..., None]
+    trace, along = P[..., 0, 0] + P[..., 1, 1], u1 * Pu[..., 0] + u2 * Pu[..., 1]
     if ranging.squared:  # the error left out is the squared length of a Gaussian vector, (tr P)^2 + 2 tr P^2 in the mean of its square
-        second = (P[..., 0, 0] + P[..., 1, 1]) ** 2 + 2 * np.sum(P[..., :2, :2] ** 2, axis=(-1, -2))
+        second = trace**2 + 2 * (P[..., 0, 0] ** 2 + 2 * P[..., 0, 1] ** 2 + P[..., 1, 1] ** 2)
         R = (ranging.sigma**2 / pings + second) / (4 * safe)
     else:
-        R = ranging.sigma**2 / pings + 0.75 * across**2 / safe
-    Pu = np.einsum("...ij,...j->...i", P[..., :, :2], u)
+        R = ranging.sigma**2 / pings + 0.75 * (trace - along) ** 2 / safe  # trace - along: the variance across
     gain = np.where(apart, 1.0 / (R + along), 0.0)
     return P - gain[..., None, None] * Pu[..., :, None] * Pu[..., None, :]
 
 
-def _turned(pose: np.ndarray, turn_rates: np.ndarray, speed: float, duration: float) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (B, K, 3) after each turn, and positions (B, K, ARC_POINTS, 2) along it."""
-    time = duration * np.arange(1, ARC_POINTS + 1) / ARC_POINTS
-    half = 0.5 * turn_rates[:, None] * time
-    heading = pose[:, None, None, 2] + half
-    chord = speed * time * np.sinc(half / np.pi)
-    arcs = pose[:, None, None, :2] + chord[..., None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-    return np.concatenate([arcs[:, :, -1], (heading + half)[:, :, -1:]], axis=-1), arcs
+def _turned(pose: Float[np.ndarray, "B 3"], turn_rates: Float[np.ndarray, " K"], speed: float, duration: float) -> np.ndarray:
+    """Poses (B, K, 3) after each turn."""
+    half = 0.5 * turn_rates * duration
+    heading = pose[:, None, 2] + half
+    chord = speed * duration * np.sinc(half / np.pi)
+    return np.stack([pose[:, None, 0] + chord * np.cos(heading), pose[:, None, 1] + chord * np.sin(heading), heading + half], axis=-1)
 
 
 def _criterion(P: np.ndarray, name: str) -> np.ndarray:

@@ -20,7 +20,7 @@ SMALL = {"origin": ORIGIN, "cna": CNA, "auv": [{"speed": 1.0, "survey": LINE}]}
 BAD_SETTINGS = {
     "cna.sped=1": 'unknown key cna.sped; did you mean "speed"',
     "plannr.kind=1": 'unknown key plannr; did you mean "planner"',
-    "planner.foo=1": "unknown key planner.foo; known are change_weight, gamma",
+    "planner.foo=1": "unknown key planner.foo; known are beam_width, criterion",
     "auv.0.survey.foo=2": "unknown key auv.0.survey.foo; known are file",
     "planner.kind=gramain": 'planner.kind = "gramain" is not known; did you mean "gramian"',
     "auv.0.survey.kind=lawn": 'did you mean "lawnmower"',
@@ -44,7 +44,8 @@ BAD_SETTINGS = {
     "auv.0.survey.track=nope": 'harbor.plan has no track "nope"; it has harbor',
     "ranging.interval=0.7": "ranging.interval: 0.7 s is not a whole multiple of time_step = 0.5 s",
     "planner.interval=0.2": "planner.interval: 0.2 s is not a whole multiple",
-    "planner.gamma=-1": "planner: gamma must be zero or positive and finite, got -1",
+    'planner={kind="path-inertia",gamma=-1.0}': "planner: gamma must be zero or positive and finite, got -1",
+    "planner.horizon=-1": "planner: horizon must be positive and finite",
     "environment.current=[3.0,0.0]": "current .* is too strong",
     "origin.lat=95": r"origin.lat = 95 \(latitude \[deg\], WGS84\): must be less than or equal to 90",
     'name="a/b"': r'name = "a/b" \(letters, digits, dots and hyphens\)',
@@ -161,3 +162,8 @@ def test_schema_lists_every_key_with_its_meaning():
     assert all(text for _, _, text in rows.values())
     assert "harbor" not in str(json_schema())
     assert json_schema()["properties"]["time_step"]["exclusiveMinimum"] == 0
+
+
+@pytest.mark.parametrize(("time_step", "steps"), [(0.1, 10), (0.3, 3), (0.5, 2), (2.0, 1)])
+def test_decisions_are_about_a_second_apart_unless_the_scenario_says(time_step, steps):
+    assert from_dict({**SMALL, "time_step": time_step, "ranging": {"interval": 6.0}}).decide_every == steps

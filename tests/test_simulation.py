@@ -236,7 +236,7 @@ def test_silence_leaves_no_noise(monkeypatch):
 
 def spied(knowledge, **change):
     """A run, and what its planner was told at each decision."""
-    mission = scenario(planner={"kind": "path-inertia", "knowledge": knowledge}, environment__current=CURRENT, **change)
+    mission = scenario(planner={"kind": "path-inertia", "interval": 0.5, "knowledge": knowledge}, environment__current=CURRENT, **change)
     spy = Spy(mission.planner())
     run = op.simulate(mission, planner=spy)
     assert [time for time, *_ in spy.said] == run.time[:-1].tolist()
@@ -392,3 +392,17 @@ def test_decisions_outside_the_step_are_timed_and_folded_ones_are_not():
     timing = op.simulate(mission, planner=Spy(mission.planner())).timing
     assert len(timing.decision_seconds) == 20
     assert 0 < sum(timing.decision_seconds) < timing.seconds
+
+
+@pytest.mark.parametrize(
+    ("turn_rate", "flown", "status"),
+    [(9.0, 2.0, "clipped"), (-9.0, -2.0, "clipped"), (np.nan, 0.0, "invalid-input"), (np.inf, 0.0, "invalid-input"), (1.5, 1.5, "optimal")],
+)
+def test_vehicle_flies_no_turn_beyond_its_limit_and_none_that_is_no_number(turn_rate, flown, status):
+    class Wild:
+        def plan(self, pose, auvs, *, time=0.0):  # noqa: ARG002
+            return op.Decision(turn_rate=turn_rate, speed=1.0)
+
+    run = op.simulate("fixed-auv", planner=Wild())
+    np.testing.assert_array_equal(run.turn_rate, flown)
+    assert run.status_counts == {status: 200}

@@ -11,7 +11,7 @@ from jaxtyping import Float, Integer
 from obsplan.constraints import Constraints, Disc, Polygon
 from obsplan.planners import planner_class
 from obsplan.planners.protocol import Planner
-from obsplan.scenario.tables import CONTEXT, MissionSurvey, ScenarioTable
+from obsplan.scenario.tables import CONTEXT, FIXED, MissionSurvey, ScenarioTable
 from obsplan.sensors import SENSORS, Heading
 from obsplan.surveys import SURVEYS, Motion, Reference, Waypoints
 from obsplan.types import ObsplanError, Pose
@@ -117,8 +117,9 @@ class Scenario:
 
     @property
     def decide_every(self) -> int:
-        """Steps between decisions."""
-        return self._steps("planner.interval", self.table.planner.interval or self.table.time_step)
+        """Steps between decisions: as many as make about a second, unless the scenario says."""
+        interval, step = self.table.planner.interval, self.table.time_step
+        return self._steps("planner.interval", max(1, round(1.0 / step)) * step if interval is None else interval)
 
     def _steps(self, key: str, interval: float) -> int:
         ratio = interval / self.table.time_step
@@ -174,7 +175,7 @@ class Scenario:
         table = self.table.planner
         cls = planner_class(table.kind)
         given = {key: value for key, value in options(cls, table).items() if value is not None or key not in CONTEXT}
-        told = {f.name: self._context(f.name) for f in fields(cls) if f.name in CONTEXT and f.name not in given}
+        told = {f.name: self._context(f.name) for f in fields(cls) if f.name in CONTEXT + FIXED and f.name not in given}
         try:
             return cls(**told, **given)
         except ValueError as error:

@@ -11,8 +11,9 @@ from obsplan.surveys import SURVEYS
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 
-# what the scenario itself tells a planner that has such a field
-CONTEXT = ("cna", "center", "radius", "ping_interval", "sigma", "ranging_kind", "heading_sigma", "seed", "constraints", "decision_interval")
+# what the scenario itself tells a planner that has such a field: what a user may set otherwise, and what is not the planner's to set
+CONTEXT = ("center", "radius", "ping_interval", "sigma", "ranging_kind", "heading_sigma", "seed")
+FIXED = ("cna", "constraints", "decision_interval")
 
 
 class Table(BaseModel):
@@ -158,14 +159,14 @@ class Estimator(Table):
 class PlannerTable(Table):
     """Keys that every planner has."""
 
-    interval: Positive | None = Field(default=None, description="time between decisions [s]; default: the time step")
+    interval: Positive | None = Field(default=None, description="time between decisions [s]; default: about 1 s")
     knowledge: Literal["estimate", "survey", "truth"] = Field(default="estimate", description="what the planner is given of the AUVs")
 
 
 def planner_table(name: str) -> type[PlannerTable]:
     """Table of one planner: the common keys and its own fields."""
     cls = planner_class(name)
-    own = table_of(cls, f"{cls.__name__}Options", kind=name, optional=CONTEXT, omit=("cna",))
+    own = table_of(cls, f"{cls.__name__}Options", kind=name, optional=CONTEXT, omit=FIXED)
     return create_model(f"{cls.__name__}Table", __base__=(PlannerTable, own), __module__=__name__)  # pyright: ignore[reportReturnType]
 
 

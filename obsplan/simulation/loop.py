@@ -1,13 +1,15 @@
 """Fly missions: one compiled step, folded over time, with the planner inside it or called between steps."""
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from time import perf_counter
 
 import casadi as ca
 import numpy as np
 
+from formulations.solution import Status
 from obsplan.planners.protocol import Planner, expression_of
 from obsplan.run import Run, Timing, record
 from obsplan.scenario import Scenario, load, replanned
@@ -15,8 +17,10 @@ from obsplan.simulation.inputs import mission_inputs
 from obsplan.simulation.native import native
 from obsplan.simulation.step import Carry, Inputs, Log, StepBuilder, full_array, shape_of
 from obsplan.surveys import Reference
-from obsplan.types import Belief, Pose
+from obsplan.types import Belief, Decision, Pose
+from obsplan.vehicles import Unicycle
 
+ROUNDING = 1e-9  # relative, by which a turn may exceed the limit
 CHUNK = 256  # steps between two looks at the clock and the keyboard
 COMMAND = Carry._fields.index("command")
 
@@ -116,6 +120,7 @@ class ClosedLoop:
                 began = perf_counter()
                 decision = self.planner.plan(pose_of(carry, k), self._beliefs(carry, inputs, k), time=float(inputs.time[k].item()))
                 seconds.append(perf_counter() - began)
+                decision = flyable(decision, self.scenario.cna)
                 now[COMMAND] = np.array([[decision.turn_rate, decision.speed]], dtype=float)
             evaluate(self.step, now, results_of(carry, log, k, 1))
             if decision is not None:
@@ -150,6 +155,16 @@ def course(reference: Reference, mean: np.ndarray, now: float) -> Callable[[np.n
     """Positions ahead of where an AUV is known to be, the rest of its survey still before it."""
     off = mean[:2] - reference.position(now)
     return lambda ahead: reference.position(now + ahead) + off
+
+
+def flyable(decision: Decision, cna: Unicycle) -> Decision:
+    """What the vehicle makes of a decision: turns within its limit, straight on for what is no number; the status says so."""
+    limit = cna.max_turn_rate * (1 + ROUNDING)
+    if not (np.isfinite([decision.turn_rate, decision.speed]).all() and decision.speed >= 0):
+        return replace(decision, turn_rate=0.0, speed=cna.speed, status=Status.INVALID_INPUT)
+    if abs(decision.turn_rate) > limit:
+        return replace(decision, turn_rate=math.copysign(cna.max_turn_rate, decision.turn_rate), status=Status.CLIPPED)
+    return decision
 
 
 def pose_of(carry: Carry, k: int) -> Pose:
