@@ -14,6 +14,7 @@ time_step = 0.5
 duration = {duration}
 origin = {{ lat = 47.6, lon = -122.3 }}
 cna = {{ speed = 2.0, min_turn_radius = 5.0 }}
+planner = {{ kind = "path-inertia" }}
 ranging = {{ interval = 2.0, sigma = {sigma} }}
 [[auv]]
 name = "alpha"

@@ -74,8 +74,8 @@ def test_key_of_a_mission_is_its_content_and_version_not_its_words_or_place(tmp_
     (cell,) = plan_cells([pond])
     words = tmp_path / "copy.toml"
     text = (tmp_path / "pond.toml").read_text()
-    words.write_text('# a comment\ndescription = "told otherwise"\nseed = 7\n' + text)
-    (same,) = plan_cells([str(words)])
+    words.write_text('# a comment\ndescription = "told otherwise"\n' + text)
+    (same,) = plan_cells([str(words)], seed=7)
     assert (same.key, same.base, same.seeds) == (cell.key, cell.base, range(7, 8))
     words.write_text(text.replace("speed = 1.0", "speed = 1.0000000000000002"))
     assert plan_cells([str(words)])[0].key != cell.key
@@ -143,7 +143,7 @@ def test_failed_missions_are_listed_left_out_and_flown_again(tmp_path, pond, add
     arguments = (pond, "--vary", DIVERGES, "--runs", 3, "--scheduler", address, "--out", tmp_path / "out")
     _, err = finish(start(*arguments), code=3)
     reason = "the filter diverged: the estimate of alpha is not finite from 2 s on"
-    assert err.splitlines() == [f"obsplan: pond, default, auv.0.first_estimate.x=1e200, seed {seed}: {reason}" for seed in (1, 2, 3)]
+    assert err.splitlines() == [f"obsplan: pond, path-inertia, auv.0.first_estimate.x=1e200, seed {seed}: {reason}" for seed in (1, 2, 3)]
     table = load_campaign(tmp_path / "out").set_index("status")
     assert list(table.index) == ["done"] * 3 + ["failed"] * 3
     assert set(table.loc["failed", "error"]) == {reason}

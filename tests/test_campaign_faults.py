@@ -165,7 +165,7 @@ def test_mission_that_kills_its_worker_is_recorded_and_costs_no_other(tmp_path):
         pond = write_scenario(tmp_path, duration=10.0)
         _, err = finish(start(pond, "--runs", 40, "--scheduler", address, "--out", tmp_path / "out"), code=3)
     reason = "its worker process died every time it was tried; perhaps the memory did not suffice"
-    assert err == f"obsplan: pond, default, seed 7: {reason}\n"
+    assert err == f"obsplan: pond, path-inertia, seed 7: {reason}\n"
     table = load_campaign(tmp_path / "out").set_index("seed")
     assert list(table.index[table["status"] == "failed"]) == [7]
     assert table.loc[7, "error"] == reason

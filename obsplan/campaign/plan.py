@@ -9,7 +9,6 @@ from itertools import product
 from obsplan.scenario import Scenario, load
 from obsplan.types import ObsplanError
 
-NOT_OF_A_MISSION = ("seed", "description")  # the seed is a mission's own, and words change nothing
 NOT_TO_VARY = {
     "seed": "give --runs and --seed",
     "name": "give several scenario files",
@@ -136,8 +135,11 @@ def cell_of(scenario: Scenario, *, base: str, settings: Sequence[str], seeds: ra
 
 
 def content_of(scenario: Scenario) -> str:
-    """All that decides a mission but its seed: the same text wherever the scenario came from."""
-    data = {key: value for key, value in scenario.resolved().items() if key not in NOT_OF_A_MISSION}
+    """All that decides a mission but its noise: the same text wherever the scenario came from.
+
+    The scenario's own seed is part of it, for a planner may draw from it.
+    """
+    data = {key: value for key, value in scenario.resolved().items() if key != "description"}
     return json.dumps(data, sort_keys=True, separators=(",", ":"))
 
 
