@@ -123,6 +123,25 @@ def campaign_report(
 
 
 @app.command()
+def thesis(
+    items: Annotated[list[str], typer.Argument(metavar="ITEM...", help="fig5.1 ... table5.2, figB.1 ..., study-horizon ..., or all.")],
+    runs: Annotated[int, typer.Option("--runs", min=2, help="Seeds of tables; studies take a fifth, figures at most fifty starts.")] = 100,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="The first of them.")] = 1,
+    out: Out = None,
+) -> None:
+    """Reproduce the thesis: its figures, tables and claims, and answers to its open questions."""
+    from obsplan.report import free_folder
+    from obsplan.thesis import ITEMS, write_thesis
+
+    folder = free_folder(out, "thesis")
+    with progress_bar("thesis") as advance:
+        findings = write_thesis(items, folder, runs=runs, seed=seed, progress=advance)
+    for name, finding in findings.items():
+        say(f"{name}, {ITEMS[name].verdict(finding)}: {finding.sentence}")
+    say(f"Written to {folder}{'' if folder.is_absolute() else '/'}: thesis.md, and a picture and the data of each item.")
+
+
+@app.command()
 def new(
     mission_file: Annotated[Path, typer.Argument(metavar="MISSION_FILE", help="GeoJSON, QGroundControl .plan or CSV.")],
     out: Annotated[Path | None, typer.Option("--out", help="Scenario file to write; default: the mission file's name with .toml.")] = None,

@@ -8,7 +8,7 @@ import math
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, Integer
+from jaxtyping import Float
 
 from formulations.path_inertia import lateral_offset, longitudinal_offset, radius_threshold
 
@@ -100,10 +100,11 @@ def capture_time(s: float, b: float, *, gamma: float, min_radius: float, speed: 
     return (path + straight) / speed
 
 
-def turns(distance: Float[np.ndarray, " samples"]) -> Integer[np.ndarray, " k"]:
-    """Return the samples at which the distance is at its farthest between two approaches."""
+def first_turn(distance: Float[np.ndarray, " samples"]) -> int:
+    """Return the sample at which the distance first stops growing; the last one if it never does."""
     change = np.diff(distance)
-    return np.flatnonzero((change[:-1] > 0) & (change[1:] <= 0)) + 1
+    turned = np.flatnonzero((change[:-1] > 0) & (change[1:] <= 0))
+    return int(turned[0]) + 1 if turned.size else len(distance) - 1
 
 
 def fit_circle(position: Float[np.ndarray, "samples 2"]) -> tuple[Float[np.ndarray, " 2"], float, float]:

@@ -2,21 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
 VERDICTS = {True: "agrees", False: "does not agree", None: "in part"}
-
-
-class Compute(Protocol):
-    """Makes an item's data."""
-
-    def __call__(self, *, runs: int, seed: int) -> "xr.Dataset":
-        """Fly what is needed: ``runs`` noise seeds or random starts, numbered or drawn from ``seed`` on."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +26,7 @@ class Item:
     name: str  # fig5.1, table5.2, figB.3, study-speeds
     title: str
     claim: str  # what the thesis says, or asks
-    compute: Compute
+    compute: Callable[..., "xr.Dataset"]  # (*, runs, seed): the noise seeds, or random starts, numbered or drawn from ``seed`` on
     draw: Callable[["xr.Dataset"], "Figure"]
     found: Callable[["xr.Dataset"], Finding]
     rows: Callable[["xr.Dataset"], list[list[str]]] | None = None  # as a table, its heading first

@@ -1,6 +1,7 @@
 """All items, in the thesis's order."""
 
-from obsplan.thesis import appendix, groups, horizon, inertia, penalty, tables
+from obsplan.thesis import appendix, groups, horizon, inertia, penalty, study_gramian, study_inertia, study_speeds, tables
 from obsplan.thesis.item import Item
 
-ITEMS: dict[str, Item] = {item.name: item for module in (inertia, penalty, groups, horizon, tables, appendix) for item in module.ITEMS}
+MODULES = (inertia, penalty, groups, horizon, tables, appendix, study_gramian, study_inertia, study_speeds)
+ITEMS: dict[str, Item] = {item.name: item for module in MODULES for item in module.ITEMS}

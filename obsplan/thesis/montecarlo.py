@@ -1,6 +1,9 @@
 """Missions flown under many noise seeds, and their figures of merit."""
 
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,32 +12,81 @@ from obsplan.planners.protocol import Planner
 from obsplan.run import Run
 from obsplan.scenario import Scenario
 from obsplan.simulation import ClosedLoop
+from obsplan.types import ObsplanError
 
 if TYPE_CHECKING:
     import xarray as xr
 
-FIGURES = {"rms_error": "m", "worst_auv_rms": "m", "max_error": "m", "mirrored": "1", "separation": "m"}
+FIGURES = {"rms_error": "RMS error over all AUVs", "worst_auv_rms": "RMS error of the worst AUV", "max_error": "greatest error"}
+FIGURES |= {"separation": "mean distance to the aid vehicle"}  # all in metres
+WORTH_A_CLUSTER = 1_500_000  # steps in all; fewer are sooner done here than the workers are there
 Z95 = 1.96  # of a normal distribution, 95 % within
 
+Cases = Mapping[tuple[str, ...], Scenario]
 
-def fly_seeds(cases: Mapping[str, Scenario], seeds: Sequence[int], planners: Mapping[str, Planner] | None = None) -> "xr.Dataset":
-    """Figures of merit by case and seed; every case meets the same noise. ``planners`` replaces those of the scenarios, by case."""
+
+def fly_grid(cases: Cases, dims: tuple[str, ...], seeds: range, planner: Callable[..., Planner] | None = None) -> "xr.Dataset":
+    """Figures of merit over a grid of cases and seeds; every case meets the same noise.
+
+    ``cases`` holds every combination of the coordinates of ``dims``. Large grids are flown as a campaign, on all cores. ``planner`` makes
+    another planner than the scenario's from a case's coordinates.
+    """
     import xarray as xr
 
-    values = np.empty((len(FIGURES), len(cases), len(seeds)))
-    for i, (name, scenario) in enumerate(cases.items()):
-        planner = scenario.planner() if planners is None else planners[name]
-        loop = ClosedLoop(scenario=scenario, planner=planner, compiled=True)
-        for k, seed in enumerate(seeds):
-            values[:, i, k] = figures(loop.fly(seed))
-    variables = {name: (("case", "seed"), values[i], {"units": unit}) for i, (name, unit) in enumerate(FIGURES.items())}
-    return xr.Dataset(variables, coords={"case": list(cases), "seed": list(seeds)})
+    steps = sum(scenario.time.size for scenario in cases.values()) * len(seeds)
+    if planner is not None or steps < WORTH_A_CLUSTER:
+        values = [fly_here(one, seeds, None if planner is None else planner(*key)) for key, one in cases.items()]
+    else:
+        values = fly_as_campaign([(one, seeds) for one in cases.values()])
+    coordinates = [list(dict.fromkeys(labels)) for labels in zip(*cases, strict=True)]
+    table = np.array(values).reshape(*map(len, coordinates), len(seeds), len(FIGURES))
+    named = {name: ((*dims, "seed"), table[..., k], {"units": "m", "long_name": text}) for k, (name, text) in enumerate(FIGURES.items())}
+    return xr.Dataset(named, coords={**dict(zip(dims, coordinates, strict=True)), "seed": list(seeds)})
+
+
+def fly_here(scenario: Scenario, seeds: range, planner: Planner | None = None) -> list[list[float]]:
+    """Figures of one case by seed, flown in this process."""
+    loop = ClosedLoop(scenario=scenario, planner=planner or scenario.planner(), compiled=True)
+    return [figures(loop.fly(seed)) for seed in seeds]
 
 
 def figures(run: Run) -> list[float]:
     """The figures of merit of one run, in the order of `FIGURES`."""
     per_auv = np.sqrt(np.mean(run.error**2, axis=1))
-    return [run.rms_error, float(per_auv.max()), run.max_error, float(is_mirrored(run)), float(run.separation.mean())]
+    return [run.rms_error, float(per_auv.max()), run.max_error, float(run.separation.mean())]
+
+
+def fly_as_campaign(cases: Sequence[tuple[Scenario, range]]) -> list[list[list[float]]]:
+    """Figures of each case by seed, flown by a campaign's workers.
+
+    Raises
+    ------
+    ObsplanError
+        A mission failed.
+    """
+    from obsplan.campaign import Cell, fly_campaign, load_campaign
+    from obsplan.campaign.plan import cell_of
+
+    cells: dict[str, Cell] = {}
+    keys = []
+    for k, (scenario, seeds) in enumerate(cases):
+        cell = cell_of(scenario, base="thesis", settings=(), seeds=seeds)
+        keys.append(cell.key)
+        if cell.key not in cells or len(seeds) > len(cells[cell.key].seeds):  # cases may be the same under two names
+            cells[cell.key] = replace(cell, scenario=f"case-{k}")
+    with TemporaryDirectory() as folder:
+        report = fly_campaign(tuple(cells.values()), folder)
+        if report.failed:
+            cell, seed, why = report.failures[0]
+            raise ObsplanError(f"{report.failed} missions failed, the first of {cell.label} with seed {seed}: {why}; try other seeds")
+        table = load_campaign(folder).set_index(["scenario", "seed"]).sort_index()
+    return [[_row(table.loc[cells[key].scenario].loc[seed]) for seed in seeds] for key, (_, seeds) in zip(keys, cases, strict=True)]
+
+
+def _row(row: "Mapping[str, object]") -> list[float]:
+    """The figures of one mission of a campaign's table."""
+    worst = max(figures["rms_error_m"] for figures in json.loads(str(row["auv"])).values())
+    return [float(value) for value in (row["rms_error_m"], worst, row["max_error_m"], row["separation_mean_m"])]  # pyright: ignore[reportArgumentType]
 
 
 def is_mirrored(run: Run) -> bool:

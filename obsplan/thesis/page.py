@@ -61,26 +61,27 @@ def write_thesis(
     ObsplanError
         An item is not known, or the folder exists or cannot be written.
     """
-    items, findings = select(names), {}
+    items, findings, sections = select(names), {}, []
     with new_folder(Path(folder)) as made:
         for k, item in enumerate(items):
-            findings[item.name] = write_item(item, made, runs=runs, seed=seed)
+            data = item.compute(runs=runs, seed=seed)
+            findings[item.name] = item.found(data)
+            write_item(item, data, made)
+            sections.append(section(item, findings[item.name], [] if item.rows is None else item.rows(data)))
             if progress is not None:
                 progress(k + 1, len(items))
-        write_atomically(made / "thesis.md", page(items, findings, runs=runs, seed=seed))
+        write_atomically(made / "thesis.md", page(items, findings, sections, runs=runs, seed=seed))
     return findings
 
 
-def write_item(item: Item, folder: Path, *, runs: int, seed: int) -> Finding:
-    """Make one item: NAME.png, NAME.nc and, for a table, NAME.csv."""
+def write_item(item: Item, data: "xr.Dataset", folder: Path) -> None:
+    """Write an item's NAME.png, NAME.nc and, for a table, NAME.csv."""
     from obsplan.report.style import png
 
-    data = item.compute(runs=runs, seed=seed)
     write_atomically(folder / f"{item.name}.nc", netcdf(data))
     write_atomically(folder / f"{item.name}.png", png(partial(item.draw, data)))
     if item.rows is not None:
         write_atomically(folder / f"{item.name}.csv", table_csv(item.rows(data)))
-    return item.found(data)
 
 
 def netcdf(data: "xr.Dataset") -> bytes:
@@ -88,25 +89,24 @@ def netcdf(data: "xr.Dataset") -> bytes:
     return bytes(data.to_netcdf(engine="scipy", format="NETCDF3_64BIT"))  # pyright: ignore[reportArgumentType, reportCallIssue]
 
 
-def page(items: list[Item], findings: dict[str, Finding], *, runs: int, seed: int) -> str:
+def page(items: list[Item], findings: dict[str, Finding], sections: list[list[str]], *, runs: int, seed: int) -> str:
     """The summary page, in Markdown."""
-    rows = [f"| [{item.name}](#{anchor(item)}) | {item.title} | {item.verdict(findings[item.name])} |" for item in items]
     lines = [
         "# The thesis, reproduced",
         "",
         "*Observability Based Path Planning in Range-only Localization*: each figure and table, what it claims, and what was found.",
-        f"Noise seeds per table and study: {runs}, from {seed} on.",
+        f"Made with `--runs {runs} --seed {seed}`.",
         "",
         "| Item | What it shows | Found |",
         "| --- | --- | --- |",
-        *rows,
+        *(f"| [{item.name}](#{anchor(item)}) | {item.title} | {item.verdict(findings[item.name])} |" for item in items),
     ]
     chapter = ""
-    for item in items:
-        heading = next(text for prefix, text in HEADINGS.items() if item.name.startswith(prefix))
+    for item, text in zip(items, sections, strict=True):
+        heading = next(heading for prefix, heading in HEADINGS.items() if item.name.startswith(prefix))
         lines += [] if heading == chapter else ["", f"## {heading}"]
         chapter = heading
-        lines += section(item, findings[item.name])
+        lines += text
     return "\n".join(lines) + "\n"
 
 
@@ -115,8 +115,8 @@ def anchor(item: Item) -> str:
     return item.name.lower().replace(".", "")
 
 
-def section(item: Item, finding: Finding) -> list[str]:
-    """One item: its picture beside claim and finding."""
+def section(item: Item, finding: Finding, rows: list[list[str]]) -> list[str]:
+    """One item: its picture beside claim and finding, and its table."""
     said = "Question" if item.asks else "Thesis"
     data = f"[data]({item.name}.nc)" + (f", [table]({item.name}.csv)" if item.rows is not None else "")
     text = f"**{item.title}**<br><br>**{said}:** {item.claim}<br><br>**Found, {item.verdict(finding)}:** {finding.sentence}<br><br>{data}"
@@ -126,5 +126,17 @@ def section(item: Item, finding: Finding) -> list[str]:
         "",
         "| | |",
         "| --- | --- |",
-        f'| <img src="{item.name}.png" alt="{item.title}" width="{WIDTH}"> | {text.replace("|", "&#124;")} |',
+        f'| <img src="{item.name}.png" alt="{item.title}" width="{WIDTH}"> | {escaped(text)} |',
+        *(["", *markdown(rows)] if rows else []),
     ]
+
+
+def markdown(rows: list[list[str]]) -> list[str]:
+    """A table, its first row as the heading."""
+    lines = [f"| {' | '.join(escaped(cell) for cell in row)} |" for row in rows]
+    return [lines[0], f"|{' --- |' * len(rows[0])}", *lines[1:]]
+
+
+def escaped(text: str) -> str:
+    """Text for a cell."""
+    return text.replace("|", "&#124;")

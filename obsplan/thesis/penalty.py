@@ -77,7 +77,7 @@ def found_two(data: "xr.Dataset") -> Finding:
     out, falling = first_distance(data)
     bound, last = claims.orbit_bound(1.0, data.min_turn_radius), data.time.values > data.time.values[-1] - LAST / 2
     grows, step = np.diff(falling)[0] > 0, data.speed * data.time_step
-    leg = int(claims.turns(out)[0])
+    leg = claims.first_turn(out)
     return Finding(
         agrees=bool(out[1] > out[0] and not grows and max(out[last].max(), falling[last].max()) < bound + step),
         sentence=(
@@ -163,7 +163,7 @@ def flown_leg(gamma: float, time_step: float) -> tuple[float, float]:
     setup = scenario("fixed-auv", "path-inertia", f"planner.gamma={gamma}", f"duration={longest}", time_step=time_step)
     data = fly(setup, [pose(b, s, 90.0)])
     d = first_distance(data)[0]
-    turn = int(claims.turns(d)[0])
+    turn = claims.first_turn(d)
     return float(data.time[turn]), float(d[turn])
 
 

@@ -17,7 +17,7 @@ from obsplan.report.style import AID, colour
 from obsplan.scenario import Scenario, load
 from obsplan.thesis.drawing import log_ticks, panels
 from obsplan.thesis.item import Finding, Item
-from obsplan.thesis.montecarlo import figure, fly_seeds, metres
+from obsplan.thesis.montecarlo import figure, fly_grid, metres
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
@@ -94,20 +94,13 @@ def small(name: str, *settings: str) -> Scenario:
 
 def compute_horizon(*, runs: int, seed: int) -> "xr.Dataset":
     """Errors by pace and horizon, and by pace and number of Euler steps."""
-    import xarray as xr
-
-    lengths, steps = {}, {}
-    for name in PACES:
-        turn = two_thirds_turn(small(name).cna) * 1.5
-        durations = {f"{turns:.2f}": small(name, f"planner.horizon={turns * turn}") for turns in HORIZONS}
-        lengths[name] = fly_seeds(durations, seeds(runs, seed)).rename(case="turns")
-        euler = {str(n): small(name) for n in EULER_STEPS}
-        planners = {str(n): EulerHorizon(small(name).cna, n) for n in EULER_STEPS}
-        steps[name] = fly_seeds(euler, seeds(runs, seed), planners).rename(case="euler_steps")
-    names = xr.DataArray(list(PACES), dims="scenario", name="scenario")
-    by_length = xr.concat(lengths.values(), dim=names).assign_coords(turns=list(HORIZONS))
-    by_steps = xr.concat(steps.values(), dim=names).assign_coords(euler_steps=list(EULER_STEPS))
-    return by_length.assign(euler_rms_error=by_steps.rms_error)
+    numbers, turn = seeds(runs, seed), 1.5 * two_thirds_turn(small("survey-fast").cna)
+    lengths = {(name, f"{turns:.2f}"): small(name, f"planner.horizon={turns * turn}") for name in PACES for turns in HORIZONS}
+    by_length = fly_grid(lengths, ("scenario", "turns"), numbers).assign_coords(turns=list(HORIZONS))
+    steps = {(name, str(n)): small(name) for name in PACES for n in EULER_STEPS}
+    cna = small("survey-fast").cna
+    by_steps = fly_grid(steps, ("scenario", "euler_steps"), numbers, lambda _, n: EulerHorizon(cna, int(n)))
+    return by_length.assign(euler_rms_error=by_steps.rms_error.assign_coords(euler_steps=list(EULER_STEPS)))
 
 
 def draw_horizon(data: "xr.Dataset") -> Figure:
@@ -120,8 +113,8 @@ def draw_horizon(data: "xr.Dataset") -> Figure:
     axes[0].set_xlabel("Horizon [smallest circles] (dashed: the thesis's)")
     axes[1].set_xlabel("Euler steps of the horizon [-]")
     for one in axes:
-        log_ticks(one.xaxis)
-        log_ticks(one.yaxis)
+        log_ticks(one, "x")
+        log_ticks(one, "y")
         one.set_ylabel("RMS error [m]")
     axes[0].legend(fontsize=8)
     return figure
@@ -160,15 +153,8 @@ def formations(*settings: str) -> dict[str, Scenario]:
 
 def compute_aggregate(*, runs: int, seed: int) -> "xr.Dataset":
     """Errors by aggregate and formation."""
-    return by_option("aggregate", {a: formations(f'planner.aggregate="{a}"') for a in AGGREGATES}, seeds(runs, seed))
-
-
-def by_option(option: str, cases: dict[str, dict[str, Scenario]], numbers: range) -> "xr.Dataset":
-    """Figures of merit by a planner's option and mission."""
-    import xarray as xr
-
-    flown = [fly_seeds(missions, numbers).rename(case="mission") for missions in cases.values()]
-    return xr.concat(flown, dim=xr.DataArray(list(cases), dims=option, name=option))
+    cases = {(a, mission): one for a in AGGREGATES for mission, one in formations(f'planner.aggregate="{a}"').items()}
+    return fly_grid(cases, ("aggregate", "mission"), seeds(runs, seed))
 
 
 def draw_options(axes: Axes, data: "xr.Dataset", option: str, variable: str, label: str) -> None:
@@ -182,7 +168,7 @@ def draw_options(axes: Axes, data: "xr.Dataset", option: str, variable: str, lab
     axes.set_yticks(range(len(values)), [str(name) for name in data.mission.values])
     axes.set_ylim(len(values) - 0.5, -0.5)
     axes.set_xlabel(label)
-    log_ticks(axes.xaxis)
+    log_ticks(axes, "x")
     for y in range(1, len(values)):
         axes.axhline(y - 0.5, color=AID, lw=0.4)
 
@@ -217,9 +203,9 @@ def compute_blend(*, runs: int, seed: int) -> "xr.Dataset":
     cases = {}
     for metric in METRICS:
         option = f'planner.metric="{metric}"'
-        surveys = {label: small(name, option) for name, label in PACES.items()}
-        cases[metric] = surveys | {"triangle of 2 m under way": load("mobile-formation", planner="gramian", settings=(option,))}
-    return by_option("metric", cases, seeds(runs, seed))
+        cases |= {(metric, label): small(name, option) for name, label in PACES.items()}
+        cases[metric, "triangle of 2 m under way"] = load("mobile-formation", planner="gramian", settings=(option,))
+    return fly_grid(cases, ("metric", "mission"), seeds(runs, seed))
 
 
 def draw_blend(data: "xr.Dataset") -> Figure:

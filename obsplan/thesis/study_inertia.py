@@ -15,7 +15,7 @@ from obsplan.scenario import Scenario, load
 from obsplan.thesis.drawing import draw_tracks, log_ticks, panels
 from obsplan.thesis.flights import fly, pose, scenario
 from obsplan.thesis.item import Finding, Item
-from obsplan.thesis.montecarlo import figure, fly_seeds
+from obsplan.thesis.montecarlo import figure, fly_grid
 from obsplan.thesis.study_gramian import PACES, SMALL, WIDE, draw_medians, draw_options, seeds
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 WEIGHTS = (0.0, 0.2, 1 / 3, 0.5, 0.7, 0.85, 1.0)  # share of the AUV that is hard to localize; a third is equal
-NEEDY = "auv.0"
 STRAYS = (  # the first AUV strays ten times as much as the others
     "duration=300.0",
     *(f"auv.{i}.process_noise.position={0.3 if i == 0 else 0.03}" for i in range(3)),
@@ -64,12 +63,14 @@ def strayed(*settings: str) -> Scenario:
 
 def compute_weights(*, runs: int, seed: int) -> "xr.Dataset":
     """Errors by the straying AUV's share of the weight, and with weights that follow the covariances."""
-    cases = {f"{share:.2f}": strayed(f"auv.0.weight={share}", *(f"auv.{i}.weight={(1 - share) / 2}" for i in (1, 2))) for share in WEIGHTS}
-    numbers = seeds(runs, seed)
-    static = fly_seeds(cases, numbers).rename(case="share").assign_coords(share=list(WEIGHTS))
-    one = strayed()
-    dynamic = fly_seeds({"dynamic": one}, numbers, {"dynamic": CovarianceWeighted(one.cna, PathInertia(one.cna, gamma=1.0))})
-    return static.assign({f"dynamic_{name}": dynamic[name].isel(case=0, drop=True) for name in ("rms_error", "worst_auv_rms")})
+    numbers, one = seeds(runs, seed), strayed()
+    cases = {
+        (f"{share:.2f}",): strayed(f"auv.0.weight={share}", *(f"auv.{i}.weight={(1 - share) / 2}" for i in (1, 2))) for share in WEIGHTS
+    }
+    static = fly_grid(cases, ("share",), numbers).assign_coords(share=list(WEIGHTS))
+    planner = CovarianceWeighted(one.cna, PathInertia(one.cna, gamma=1.0))
+    dynamic = fly_grid({("dynamic",): one}, ("weights",), numbers, lambda _: planner).isel(weights=0, drop=True)
+    return static.assign({f"dynamic_{name}": dynamic[name] for name in ("rms_error", "worst_auv_rms")})
 
 
 def draw_weights(data: "xr.Dataset") -> Figure:
@@ -82,7 +83,7 @@ def draw_weights(data: "xr.Dataset") -> Figure:
         one.axhline(median, color=colour(1), lw=1.2, label="weights following the covariances")
         one.axvline(1 / 3, color="#888888", lw=1.0, ls="--")
         one.set(xlabel="Weight of the AUV that strays most (dashed: equal)", ylabel=f"RMS error {label} [m]")
-        log_ticks(one.yaxis)
+        log_ticks(one, "y")
     axes[0].legend(fontsize=8)
     return figure
 
@@ -110,12 +111,14 @@ def compute_curvature(*, runs: int, seed: int) -> "xr.Dataset":
     import xarray as xr
 
     flown = [fly(scenario("fixed-auv", "path-inertia", "duration=40.0", *options), [pose(*OUTWARD)]) for options in RULES.values()]
-    numbers, errors = seeds(runs, seed), []
-    for options in RULES.values():
-        surveys = {label: load(name, planner="path-inertia", settings=(*SMALL, *options)) for name, label in PACES.items()}
-        errors.append(fly_seeds(surveys, numbers)[["rms_error", "separation"]].rename(case="mission"))
-    rules = xr.DataArray(list(RULES), dims="rule", name="rule")
-    return xr.merge([xr.concat(flown, dim=rules), xr.concat(errors, dim=rules)], combine_attrs="override")
+    cases = {
+        (rule, label): load(name, planner="path-inertia", settings=(*SMALL, *options))
+        for rule, options in RULES.items()
+        for name, label in PACES.items()
+    }
+    errors = fly_grid(cases, ("rule", "mission"), seeds(runs, seed))[["rms_error", "separation"]]
+    paths = xr.concat(flown, dim=xr.DataArray(list(RULES), dims="rule", name="rule"))
+    return xr.merge([paths, errors], combine_attrs="override")
 
 
 def spiral(data: "xr.Dataset") -> np.ndarray:

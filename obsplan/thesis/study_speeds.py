@@ -4,12 +4,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from obsplan.scenario import Scenario, load
 from obsplan.thesis.item import Finding, Item
-from obsplan.thesis.montecarlo import figure, fly_seeds
+from obsplan.thesis.montecarlo import figure, fly_grid
 from obsplan.thesis.study_gramian import seeds
 from obsplan.thesis.tables import POLICIES, PRINTED
 
@@ -25,7 +26,7 @@ SURVEYS = {  # some hundred metres each, from the thesis's first position
 }
 METHODS = POLICIES | PRINTED
 DEFEATED = 2.0  # RMS error [m] that tells no more than the first estimate, which is 2 m off
-EXTREMES = (0.1, 100.0)  # of the colour scale [m]
+SCALE, COLOURS = LogNorm(0.1, 100.0), "viridis_r"  # [m]
 
 
 def mission(survey: str, ratio: float, method: str) -> Scenario:
@@ -36,14 +37,8 @@ def mission(survey: str, ratio: float, method: str) -> Scenario:
 
 def compute(*, runs: int, seed: int) -> "xr.Dataset":
     """Errors by method, survey and ratio."""
-    import xarray as xr
-
-    def of_method(method: str) -> "xr.Dataset":
-        flown = [fly_seeds({f"{r:g}": mission(s, r, method) for r in RATIOS}, seeds(runs, seed)).rename(case="ratio") for s in SURVEYS]
-        return xr.concat(flown, dim=xr.DataArray(list(SURVEYS), dims="survey", name="survey"))
-
-    data = xr.concat([of_method(method) for method in METHODS], dim=xr.DataArray(list(METHODS), dims="policy", name="policy"))
-    return data.assign_coords(ratio=list(RATIOS))
+    cases = {(m, s, f"{r:g}"): mission(s, r, m) for m in METHODS for s in SURVEYS for r in RATIOS}
+    return fly_grid(cases, ("policy", "survey", "ratio"), seeds(runs, seed)).assign_coords(ratio=list(RATIOS))
 
 
 def draw(data: "xr.Dataset") -> Figure:
@@ -51,22 +46,21 @@ def draw(data: "xr.Dataset") -> Figure:
     figure = Figure(figsize=(14.0, 3.6), layout="constrained")
     axes = figure.subplots(1, data.sizes["policy"], sharey=True)
     for one, method in zip(axes, data.policy.values, strict=True):
-        picture = _draw_map(one, data.sel(policy=method))
+        _draw_map(one, data.sel(policy=method))
         one.set_title(str(method))
-    figure.colorbar(picture, ax=list(axes), label="Median RMS error [m]")
+    figure.colorbar(ScalarMappable(SCALE, COLOURS), ax=list(axes), label="Median RMS error [m]")
     return figure
 
 
-def _draw_map(axes: Axes, data: "xr.Dataset") -> object:
+def _draw_map(axes: Axes, data: "xr.Dataset") -> None:
     median = data.rms_error.transpose("survey", "ratio", "seed").median("seed").values
-    picture = axes.imshow(median, cmap="viridis_r", norm=LogNorm(*EXTREMES), aspect="auto")
+    axes.imshow(median, cmap=COLOURS, norm=SCALE, aspect="auto")
     for (i, k), value in np.ndenumerate(median):
         axes.text(k, i, figure(value), ha="center", va="center", fontsize=8, color="white" if value > DEFEATED else "black")
     axes.set_xticks(range(len(RATIOS)), [f"{ratio:g}" for ratio in RATIOS])
     axes.set_yticks(range(len(SURVEYS)), list(SURVEYS))
     axes.set_xlabel("Speed, aid vehicle / AUV")
     axes.grid(visible=False)
-    return picture
 
 
 def found(data: "xr.Dataset") -> Finding:

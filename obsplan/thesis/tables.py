@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from obsplan.report.style import AID, colour
 from obsplan.scenario import Scenario, load
 from obsplan.thesis.item import Finding, Item
-from obsplan.thesis.montecarlo import figure, fly_seeds, interval, spread
+from obsplan.thesis.montecarlo import figure, fly_grid, interval, spread
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -54,13 +54,13 @@ def policies(name: str, *settings: str, printed: bool = True) -> dict[str, Scena
 
 def compute(name: str, *, runs: int, seed: int) -> "xr.Dataset":
     """Errors by policy and seed under the stated assumptions, and by assumption over fewer seeds."""
-    import xarray as xr
-
-    data = fly_seeds(policies(name), range(seed, seed + runs))
     few = range(seed, seed + max(2, runs // GRID_SHARE))
-    grid = [fly_seeds(policies(name, *settings, printed=False), few).rms_error for settings in ASSUMPTIONS.values()]
-    named = xr.concat(grid, dim="assumption").rename(case="policy", seed="grid_seed")
-    return data.assign(grid_rms_error=named.assign_coords(assumption=list(ASSUMPTIONS)))
+    stated = fly_grid({(label,): one for label, one in policies(name).items()}, ("policy",), range(seed, seed + runs))
+    cells = {
+        (text, label): one for text, settings in ASSUMPTIONS.items() for label, one in policies(name, *settings, printed=False).items()
+    }
+    grid = fly_grid(cells, ("assumption", "grid_policy"), few)
+    return stated.assign(grid_rms_error=grid.rms_error.rename(seed="grid_seed"))
 
 
 def orderings(name: str) -> list[tuple[str, str]]:
@@ -71,17 +71,17 @@ def orderings(name: str) -> list[tuple[str, str]]:
 
 def holds(data: "xr.Dataset", better: str, worse: str) -> tuple[float, bool | None]:
     """Share of seeds in which one policy beats the other, and whether that decides it at 95 %; None: it does not."""
-    share = float((data.rms_error.sel(case=better) < data.rms_error.sel(case=worse)).mean())
+    share = float((data.rms_error.sel(policy=better) < data.rms_error.sel(policy=worse)).mean())
     low, high = interval(share, data.sizes["seed"])
     return share, True if low > 0.5 else False if high < 0.5 else None
 
 
 def reason(name: str, data: "xr.Dataset", better: str, worse: str) -> str:
     """Why an ordering is as it is with us."""
-    errors = {label: data.rms_error.sel(case=label).values for label in (better, worse)}
+    errors = {label: data.rms_error.sel(policy=label).values for label in (better, worse)}
     clauses = []
     if "Stationary" in errors:
-        lost = data.mirrored.sel(case="Stationary").values > 0
+        lost = errors["Stationary"] > LOST
         good = f"{figure(np.median(errors['Stationary'][~lost]))} m otherwise" if not lost.all() else "never right"
         image = "an image" if THESIS[name]["Stationary"][0] > LOST else "the truth"
         clauses.append(f"stationary is on the mirror image in {lost.mean():.0%} of the seeds and {good}; the thesis's run was on {image}")
@@ -96,12 +96,14 @@ def reason(name: str, data: "xr.Dataset", better: str, worse: str) -> str:
 
 def rows(name: str, data: "xr.Dataset") -> list[list[str]]:
     """Errors beside the thesis's, then the orderings."""
-    first = ["policy", "thesis RMS [m]", "thesis greatest [m]", "RMS [m], median [quartiles]", "greatest [m]", "on the mirror image"]
+    first = ["policy", "thesis RMS [m]", "thesis greatest [m]", "RMS [m], median [quartiles]", "greatest [m]", "lost"]
     table = [first]
-    for label in data.case.values:
+    for label in data.policy.values:
         theirs = [f"{value:g}" for value in THESIS[name].get(label, ())] or ["", ""]
-        one = data.sel(case=label)
-        table.append([label, *theirs, spread(one.rms_error.values), spread(one.max_error.values), f"{float(one.mirrored.mean()):.0%}"])
+        one = data.sel(policy=label)
+        table.append(
+            [label, *theirs, spread(one.rms_error.values), spread(one.max_error.values), f"{float((one.rms_error > LOST).mean()):.0%}"]
+        )
     table.append(["ordering by RMS error", "thesis", "seeds in which it holds", "verdict", "why", ""])
     for better, worse in orderings(name):
         share, decided = holds(data, better, worse)
@@ -113,7 +115,7 @@ def found(name: str, data: "xr.Dataset") -> Finding:
     """Each ordering: reproduced, reversed or undecided."""
     decided = {pair: holds(data, *pair) for pair in orderings(name)}
     count = sum(mark is True for _, mark in decided.values())
-    errors = "; ".join(f"{label} {spread(data.rms_error.sel(case=label).values)}" for label in data.case.values)
+    errors = "; ".join(f"{label} {spread(data.rms_error.sel(policy=label).values)}" for label in data.policy.values)
     marks = "; ".join(f"{a} before {b} {DECIDED[mark]} ({share:.0%})" for (a, b), (share, mark) in decided.items())
     whys = dict.fromkeys(why for pair in decided for why in reason(name, data, *pair).split("; "))
     return Finding(
@@ -141,9 +143,9 @@ def draw(name: str, data: "xr.Dataset") -> Figure:
 
 
 def _draw_errors(axes: Axes, name: str, data: "xr.Dataset", variable: str, column: int) -> None:
-    labels = [str(label) for label in data.case.values]
+    labels = [str(label) for label in data.policy.values]
     for y, label in enumerate(labels):
-        values = data[variable].sel(case=label).values
+        values = data[variable].sel(policy=label).values
         first, median, third = np.quantile(values, [0.25, 0.5, 0.75])
         axes.plot(values, y + np.linspace(-0.25, 0.25, values.size), "o", ms=3, mfc=colour(y), mec="none", alpha=0.5)
         axes.plot([first, third], [y, y], color=AID, lw=1.5)
@@ -171,7 +173,7 @@ def _draw_grid(axes: Axes, name: str, data: "xr.Dataset") -> None:
 def grid_share(data: "xr.Dataset", assumption: str, better: str, worse: str) -> float:
     """Share of seeds in which one policy beats the other under an assumption."""
     cell = data.grid_rms_error.sel(assumption=assumption)
-    return float((cell.sel(policy=better) < cell.sel(policy=worse)).mean())
+    return float((cell.sel(grid_policy=better) < cell.sel(grid_policy=worse)).mean())
 
 
 def item(name: str, number: str, title: str, claim: str) -> Item:
