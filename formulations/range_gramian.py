@@ -31,20 +31,21 @@ SERIES_LIMIT = 2.0  # |uT| below which moments are summed as series: either way 
 SERIES_TERMS = 40  # the last is of the size (2·SERIES_LIMIT)^40 / 40! = 1.5e-24
 
 Array = Any  # numpy array, or CasADi SX, MX or DM
+Moments = Float[np.ndarray, "3 K"] | list[Any]  # rows, or columns that are expressions
 
 
 class DisplacementMoments(NamedTuple):
     """Integrals over the horizon of t^k times 1, Δ1, Δ2, Δ1², Δ1Δ2, Δ2² in the body frame, k = 0, 1, 2 first; units m^a·s^(k+1).
 
-    The first of each alone serves an AUV at rest.
+    The first of each alone serves an AUV at rest. Moments that are expressions come as three columns each (`ping_moments`).
     """
 
-    one: Float[np.ndarray, "3 K"]
-    d1: Float[np.ndarray, "3 K"]
-    d2: Float[np.ndarray, "3 K"]
-    d11: Float[np.ndarray, "3 K"]
-    d12: Float[np.ndarray, "3 K"]
-    d22: Float[np.ndarray, "3 K"]
+    one: Moments
+    d1: Moments
+    d2: Moments
+    d11: Moments
+    d12: Moments
+    d22: Moments
 
 
 def displacement_moments(speed: float, turn_rates: Float[np.ndarray, " K"], horizon: float) -> DisplacementMoments:
@@ -125,7 +126,7 @@ def gramian_entries(
     Raises ValueError for another variant, or a variance that is not positive.
     """
     _check_model(variant, variances)
-    one, d1, d2, d11, d12, d22 = ([m[:, None] for m in moment] for moment in moments)
+    one, d1, d2, d11, d12, d22 = ([m[:, None] if isinstance(m, np.ndarray) else m for m in moment] for moment in moments)
     x1, x2 = x
     first, second, q11, q12, q22 = [x1], [x2], [x1 * x1], [x1 * x2], [x2 * x2]  # coefficients of t^0 of x - vt and its products
     if v is not None:
@@ -147,7 +148,7 @@ def gramian_entries(
     return w11, w12, w13, w22, w23, w33
 
 
-def _dot(moments: list[Float[np.ndarray, "K 1"]], coefficients: list[Array]) -> Array:
+def _dot(moments: list[Array], coefficients: list[Array]) -> Array:
     """Sum moment k, a column over candidates, times coefficient k, a row over AUVs."""
     return sum(m @ c for m, c in zip(moments, coefficients, strict=False))  # fewer coefficients: an AUV at rest
 

@@ -138,15 +138,21 @@ def first_move_violation(
         Positions of the AUVs [m] at a time from now [s].
     """
     times = interval * np.arange(1, MOVE_POINTS + 1) / MOVE_POINTS
-    half = 0.5 * turn_rates[:, None] * times
-    heading = pose[2] + half
-    chord = speed * times * np.sinc(half / np.pi)
-    positions = pose[:2] + chord[..., None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+    positions = arc_positions(pose, turn_rates, speed, times)
     half_step = 0.5 * speed * interval / MOVE_POINTS
     on_the_way = constraints.fixed_violation(positions).max(axis=-1) + half_step
     after = np.concatenate([positions[:, -1], pose[2] + turn_rates[:, None] * interval], axis=-1)
     fixed = np.maximum(on_the_way, _loiter_violation(constraints, after, radius) + half_step)  # more than the circle itself can violate
     return np.maximum(fixed, _separation_violation(constraints, positions, [auvs(float(t)) for t in (0.0, *times)]) + half_step)
+
+
+def arc_positions(
+    pose: Float[np.ndarray, "3"], turn_rates: Float[np.ndarray, " K"], speed: float, times: Float[np.ndarray, " points"]
+) -> Float[np.ndarray, "K points 2"]:
+    """Where turns held from a pose lead by times from now."""
+    half = 0.5 * turn_rates[:, None] * times
+    chord = speed * times * np.sinc(half / np.pi)
+    return pose[:2] + chord[..., None] * np.stack([np.cos(pose[2] + half), np.sin(pose[2] + half)], axis=-1)
 
 
 def _separation_violation(

@@ -9,11 +9,9 @@ import numpy as np
 
 from formulations.solution import Status
 from obsplan.planners.candidates import first_of_the_best
-from obsplan.planners.protocol import Command, Targets, decide
+from obsplan.planners.protocol import Command, Targets, decide, time_to_ping
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
-
-ROUNDING = 1e-6  # of the time between pings: a time this near to a ping is the ping's
 
 
 @dataclass(frozen=True)
@@ -50,8 +48,7 @@ class ErrorEllipse:
         """The best candidate, scores of all being one expression."""
         limit = self.cna.max_turn_rate
         rates = np.linspace(limit, -limit, self.turn_rates)
-        since = ca.fmod(time, self.ping_interval)
-        wait = self.ping_interval - ca.if_else(since > (1 - ROUNDING) * self.ping_interval, 0.0, since)
+        wait = time_to_ping(time, self.ping_interval)
         places = ca.horzcat(*(self.cna.step(pose[:3], ca.SX(ca.DM([u, self.cna.speed])), wait)[:2] for u in rates))
         auvs = targets.mean[:2, :] + targets.velocity * wait
         x, y = (places[i, :].T - ca.repmat(auvs[i, :], self.turn_rates, 1) for i in (0, 1))

@@ -1,89 +1,160 @@
 """Gramian horizon: try turn rates over a short horizon and take the one that makes the AUVs most observable (thesis chapter 4)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import Annotated, Literal, get_args
+from functools import lru_cache
+from typing import Annotated, Literal, get_args, get_type_hints
 
 import casadi as ca
 import numpy as np
+from jaxtyping import Float
 
 from formulations.empirical_range_gramian import empirical_gramian_entries
-from formulations.metric_expressions import score_expression
-from formulations.range_gramian import displacement_moments, gramian_entries
+from formulations.metric_expressions import position_schur_expression, score_expression
+from formulations.ping_moments import ping_moments
+from formulations.range_gramian import DisplacementMoments, displacement_moments, gramian_entries
 from formulations.solution import Status
-from obsplan.planners.protocol import Command, Targets, decide, two_thirds_turn
+from obsplan.constraints import UNLIMITED, Constraints, arc_positions, first_move_violation
+from obsplan.planners.candidates import first_of_the_best
+from obsplan.planners.protocol import Command, Targets, columns, decide, predict_path, symbols, time_to_ping, unusable
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
-TIE = 1e-9  # scores this close, relative, are equal: a mirror-symmetric choice is made by the order of candidates, not by rounding
+LEAST_PINGS = 3  # that tell the three states: east, north, heading
+HORIZON_POINTS = 16  # at which a candidate's arc is held against the limits
 
-Gramian = Literal["exact", "empirical", "thesis"]
 Metric = Literal["condition-number", "unobservability-index", "smallest-eigenvalue", "log-det", "trace-inverse", "blend"]
-Aggregate = Literal["mean", "rms", "max"]
+Entries = tuple[ca.SX, ...]
 
 
 @dataclass(frozen=True)
 class GramianHorizon:
-    """Hold the candidate turn rate whose Gramian over the horizon scores best, the AUVs taken to be at rest (thesis Algorithms 1 and 2).
+    """Hold the candidate turn rate whose Gramian over the horizon scores best (thesis Algorithms 1 and 2).
 
-    Candidates are spread evenly between the turning limits, and tried from left to right: of equals the leftmost is taken. ``gramian``:
-    ``exact`` is closed form; ``empirical`` central differences by simulation; ``thesis`` exact but for the range's sensitivity to the
-    heading, which (4.6) leaves out. ``score`` is the aggregated metric, lower is better. Where no candidate makes every AUV observable
-    the vehicle goes straight on.
+    Candidates are spread evenly between the turning limits, and tried from left to right: of equals the leftmost is taken. ``score`` is
+    the aggregated metric, lower is better. Where no candidate makes every AUV observable the vehicle goes straight on.
+
+    As it comes it is the thesis's: AUVs at rest, ranges all the time, two thirds of the smallest circle ahead, the Gramian of the squared
+    range unscaled. ``gramian``: ``exact`` is closed form; ``empirical`` central differences by simulation; ``thesis`` exact but for the
+    range's sensitivity to the heading, which (4.6) leaves out. ``motion``: AUVs keep the velocity reported. ``sampling``: ranges come at
+    the next pings, as many as the horizon holds and at least three, for which it is lengthened. ``block``: the Schur complement of the
+    position is what is known of it with the heading unknown. ``noise``: information in units of the sensors' variances, one sample of
+    each per ping; a range's variance becomes that of a squared range at the candidate's root-mean-square distance over the horizon, so that
+    distance alone earns nothing. ``weighting``: weights times the trace of the reported position covariance.
+
+    With limits a candidate that breaks one before the next decision, or leaves no circle free, is discarded, and one that breaks one over
+    the horizon if others do not; if all do, the least violating is taken and the status says so.
     """
 
     condition_label = "κ(W)"
 
     cna: Unicycle
     _: KW_ONLY
-    gramian: Annotated[Gramian, "how the Gramian is computed"] = "exact"
+    gramian: Annotated[Literal["exact", "empirical", "thesis"], "how the Gramian is computed"] = "exact"
     metric: Annotated[Metric, "of each AUV's Gramian over (east, north, heading); units m, rad, s"] = "condition-number"
-    aggregate: Annotated[Aggregate, "over AUVs, by their weights"] = "mean"
+    aggregate: Annotated[Literal["mean", "rms", "max"], "over AUVs, by their weights"] = "mean"
     turn_rates: Annotated[int, "number of candidates, at least 2"] = 21
-    horizon: Annotated[float | None, "look-ahead [s]; default: two thirds of the smallest circle"] = None
+    horizon: Annotated[float | None, "look-ahead [s]; default: by circles"] = None
+    circles: Annotated[float, "look-ahead in smallest circles, where horizon is not given"] = 2.0 / 3.0
+    motion: Annotated[Literal["at-rest", "constant-velocity"], "of the AUVs over the horizon"] = "at-rest"
+    sampling: Annotated[Literal["continuous", "pings"], "when ranges come"] = "continuous"
+    block: Annotated[Literal["pose", "position"], "of the Gramian: all of it, or the position's, the heading unknown"] = "pose"
+    noise: Annotated[Literal["unit", "sensor"], "variances that scale the outputs: 1, or the sensors'"] = "unit"
+    weighting: Annotated[Literal["fixed", "covariance"], "weights of the AUVs: as given, or times their position variance"] = "fixed"
+    ping_interval: Annotated[float, "time between ranges [s]; default: the scenario's"] = 15.0
+    sigma: Annotated[float, "standard deviation of a range [m], or squared range [m^2]; default: the scenario's"] = 1.0
+    ranging_kind: Annotated[Literal["range", "squared-range"], "what is measured; default: the scenario's"] = "range"
+    heading_sigma: Annotated[float, "standard deviation of the heading [rad]; default: the scenario's"] = float(np.deg2rad(1.0))
+    constraints: Annotated[Constraints, "limits on the aid vehicle's position; the scenario's"] = UNLIMITED
+    decision_interval: Annotated[float, "time between decisions [s]; the scenario's"] = 1.0
 
     def __post_init__(self) -> None:
-        for name, known in (("gramian", Gramian), ("metric", Metric), ("aggregate", Aggregate)):
-            if getattr(self, name) not in get_args(known):
-                raise ValueError(f'{name} must be one of {", ".join(get_args(known))}, got "{getattr(self, name)}"')
+        for name, hint in get_type_hints(type(self)).items():
+            known = get_args(hint)
+            if all(isinstance(choice, str) for choice in known) and known and getattr(self, name) not in known:
+                raise ValueError(f'{name} must be one of {", ".join(known)}, got "{getattr(self, name)}"')
         if self.turn_rates < 2:
             raise ValueError(f"turn_rates must be at least 2 candidates, got {self.turn_rates}")
-        if self.horizon is not None and not 0 < self.horizon < np.inf:
-            raise ValueError(f"horizon must be positive and finite [s], got {self.horizon}")
+        units = {"horizon": "s", "circles": "-", "ping_interval": "s", "sigma": "m", "heading_sigma": "rad", "decision_interval": "s"}
+        for name, unit in units.items():
+            value = getattr(self, name)
+            if value is not None and not 0 < value < np.inf:
+                raise ValueError(f"{name} must be positive and finite [{unit}], got {value}")
+        if self.gramian == "empirical" and (self.motion, self.sampling) != ("at-rest", "continuous"):
+            raise ValueError('gramian "empirical" takes AUVs at rest and ranges all the time; for other motion or sampling choose "exact"')
 
     @property
     def candidates(self) -> np.ndarray:
         """Turn rates tried [rad/s], from the left limit to the right one."""
         return np.linspace(self.cna.max_turn_rate, -self.cna.max_turn_rate, self.turn_rates)
 
+    @property
+    def expression(self) -> Callable[..., Command] | None:
+        """The decision as an expression; None where limits have to be looked at."""
+        return None if self.constraints else self.choose
+
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Choose the best candidate."""
-        return decide(self, pose, auvs, time)
+        if self.expression is not None:
+            return decide(self, pose, auvs, time)
+        return unusable(self, pose, auvs) or self._choose_within_limits(pose, auvs, time)
 
-    def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002 - the protocol's signature
-        """The best candidate, scores of all being one expression."""
-        entries = self._entries(pose, targets)
+    def choose(self, time: ca.SX, pose: ca.SX, targets: Targets, allowed: ca.SX | None = None, otherwise: ca.SX | None = None) -> Command:
+        """The best of the allowed candidates (all), scores of all being one expression; ``otherwise`` (straight on) if none is regular."""
+        entries = self._entries(time, pose, targets)
         scores = score_expression(self.metric, entries)
         condition = scores if self.metric == "condition-number" else score_expression("condition-number", entries)
-        totals = self._aggregated(scores, targets.weight / ca.sum1(targets.weight))
-        turn_rate, best, chosen = ca.SX(0.0), ca.SX(ca.inf), ca.SX.inf(1, scores.shape[1])
-        for k, candidate in enumerate(self.candidates):
-            better = totals[k] + TIE * ca.fabs(totals[k]) < best
-            turn_rate, best = ca.if_else(better, candidate, turn_rate), ca.if_else(better, totals[k], best)
-            chosen = ca.if_else(better, condition[k, :], chosen)
+        totals = self._aggregated(scores, self._shares(targets))
+        totals = totals if allowed is None else ca.if_else(allowed, totals, ca.inf)
+        choices = [ca.SX(ca.DM(self.candidates)), condition]
+        instead = [ca.SX(0.0) if otherwise is None else otherwise, ca.SX.inf(1, scores.shape[1])]
+        best, (turn_rate, chosen) = first_of_the_best(totals, choices, instead)
         status = ca.if_else(best < ca.inf, float(Status.OPTIMAL), float(Status.UNOBSERVABLE))
         return Command(turn_rate, ca.SX(self.cna.speed), best, chosen, status)
 
-    def _entries(self, pose: ca.SX, targets: Targets) -> tuple[ca.SX, ...]:
+    @property
+    def look_ahead(self) -> float:
+        """Horizon [s]; with pings the whole number of intervals that is nearest, at least three."""
+        horizon = self.circles * 2.0 * np.pi * self.cna.min_turn_radius / self.cna.speed if self.horizon is None else self.horizon
+        return horizon if self.sampling == "continuous" else max(LEAST_PINGS, round(horizon / self.ping_interval)) * self.ping_interval
+
+    def _entries(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Entries:
         """Upper triangles of the Gramians in the body frame, each K x M."""
-        east, north = pose[0] - targets.mean[0, :], pose[1] - targets.mean[1, :]
         c, s = ca.cos(pose[2]), ca.sin(pose[2])
-        x = c * east + s * north, c * north - s * east
-        horizon = two_thirds_turn(self.cna) if self.horizon is None else self.horizon
+        body = lambda east, north: (c * east + s * north, c * north - s * east)  # noqa: E731
+        x = body(pose[0] - targets.mean[0, :], pose[1] - targets.mean[1, :])
+        v = None if self.motion == "at-rest" else body(targets.velocity[0, :], targets.velocity[1, :])
         if self.gramian == "empirical":
-            return empirical_gramian_entries(x, turn_rates=self.candidates, speed=self.cna.speed, horizon=horizon)
-        moments = displacement_moments(self.cna.speed, self.candidates, horizon)
-        return gramian_entries(moments, x, variant=self.gramian)
+            entries = empirical_gramian_entries(x, turn_rates=self.candidates, speed=self.cna.speed, horizon=self.look_ahead)
+        else:
+            entries = gramian_entries(self._moments(time), x, v, variant=self.gramian)
+        entries = entries if self.noise == "unit" else self._scaled(*entries)
+        return entries if self.block == "pose" else position_schur_expression(entries)
+
+    def _moments(self, time: ca.SX) -> DisplacementMoments:
+        """Moments of the candidates' arcs, all the time or at the next pings."""
+        speed, interval = self.cna.speed, self.ping_interval
+        if self.sampling == "continuous":
+            return displacement_moments(speed, self.candidates, self.look_ahead)
+        count = round(self.look_ahead / interval)
+        return ping_moments(speed, self.candidates, first=time_to_ping(time, interval), interval=interval, count=count)
+
+    def _scaled(self, w11: ca.SX, w12: ca.SX, w13: ca.SX, w22: ca.SX, w23: ca.SX, w33: ca.SX) -> Entries:
+        """Gramian in units of the sensors' variances: with variance 1 the heading adds the horizon T to W33, and W11 + W22 is 4 T d²."""
+        horizon, samples = self.look_ahead, self.look_ahead / self.ping_interval
+        of_squares = w11 + w22 if self.ranging_kind == "range" else horizon  # a squared range has the variance 4 d² σ²
+        gain = samples / (self.sigma**2 * ca.if_else(of_squares > 0, of_squares, 1.0))
+        seen = samples / self.heading_sigma**2
+        return w11 * gain, w12 * gain, w13 * gain, w22 * gain, w23 * gain, (w33 - horizon) * gain + seen
+
+    def _shares(self, targets: Targets) -> ca.SX:
+        """What each AUV counts; as given where covariances are to weigh and there are none."""
+        fixed = targets.weight / ca.sum1(targets.weight)
+        if self.weighting == "fixed":
+            return fixed
+        uncertain = targets.weight * (targets.position_covariance[0, :] + targets.position_covariance[2, :]).T
+        total = ca.sum1(uncertain)
+        return ca.if_else(total > 0, uncertain / ca.if_else(total > 0, total, 1.0), fixed)
 
     def _aggregated(self, scores: ca.SX, weight: ca.SX) -> ca.SX:
         """One total per candidate; an AUV of weight 0 has no say."""
@@ -93,3 +164,40 @@ class GramianHorizon:
             return ca.vertcat(*(ca.mmax(heard[k, :]) for k in range(scores.shape[0])))
         power = 2 if self.aggregate == "rms" else 1
         return ca.sum2(ca.if_else(share > 0, share * scores**power, 0.0)) ** (1 / power)
+
+    def _choose_within_limits(self, pose: Pose, auvs: Sequence[Belief], time: float) -> Decision:
+        """The best of the candidates that break limits least: before the next decision, and of these over the horizon."""
+        first, later = (np.maximum(broken, 0.0) for broken in self._violations(pose, auvs))
+        allowed = (first == first.min()) & (later == later[first == first.min()].min())
+        straightest = min(self.candidates[allowed], key=abs)
+        state = [pose.x, pose.y, pose.heading, pose.turn_rate]
+        given = [ca.DM(time), ca.DM(state), *columns(auvs), ca.DM(allowed.astype(float)), ca.DM(float(straightest))]
+        turn_rate, _, score, condition, status = (result.full().ravel() for result in limited_choice(self, len(auvs)).call(given))
+        return Decision(
+            turn_rate=float(turn_rate[0]),
+            speed=self.cna.speed,
+            path=predict_path(self.cna, pose, float(turn_rate[0]), self.cna.speed),
+            score=float(score[0]),
+            status=Status.VIOLATED if first.min() > 0 else Status(int(status[0])),
+            condition=condition,
+        )
+
+    def _violations(self, pose: Pose, auvs: Sequence[Belief]) -> tuple[Float[np.ndarray, " K"], Float[np.ndarray, " K"]]:
+        """How far [m] each candidate breaks a limit before the next decision, or without fail after it, and over the horizon."""
+        state, speed, rates = np.array([pose.x, pose.y, pose.heading]), self.cna.speed, self.candidates
+        known = lambda t: np.array([auv.ahead(np.array([t]))[0] for auv in auvs])  # noqa: E731
+        radius, interval = self.cna.min_turn_radius, self.decision_interval
+        first = first_move_violation(self.constraints, state, rates, speed=speed, radius=radius, interval=interval, auvs=known)
+        times = self.look_ahead * np.arange(1, HORIZON_POINTS + 1) / HORIZON_POINTS
+        positions = arc_positions(state, rates, speed, times)
+        later = [self.constraints.violation(positions[:, i], known(float(t))) for i, t in enumerate(times)]
+        return first, np.max(later, axis=0)
+
+
+@lru_cache(maxsize=16)
+def limited_choice(planner: GramianHorizon, n_auvs: int) -> ca.Function:
+    """The choice among allowed candidates for a number of AUVs as a Function, built once."""
+    inputs, targets = symbols(n_auvs)
+    allowed, otherwise = ca.SX.sym("allowed", planner.turn_rates), ca.SX.sym("otherwise")  # pyright: ignore[reportArgumentType, reportCallIssue]
+    command = planner.choose(inputs[0], inputs[1], targets, allowed, otherwise)
+    return ca.Function("choice", [*inputs, allowed, otherwise], list(command))

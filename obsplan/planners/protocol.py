@@ -13,6 +13,7 @@ from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
 PATH_POINTS = 21  # poses in a predicted path
+ROUNDING = 1e-6  # of the time between pings: a time this near to a ping is the ping's
 
 
 @runtime_checkable
@@ -138,10 +139,15 @@ def compiled(planner: Planner, n_auvs: int) -> ca.Function:
     expression = expression_of(planner)
     if expression is None:
         raise TypeError(f"{type(planner).__name__} has no expression; call its plan instead")
+    inputs, targets = symbols(n_auvs)
+    return ca.Function("decision", inputs, list(guarded(expression, inputs[0], inputs[1], targets)))
+
+
+def symbols(n_auvs: int) -> tuple[list[ca.SX], Targets]:
+    """Inputs of a Function of time, pose and beliefs (`columns`), and the targets made of them."""
     time, pose = ca.SX.sym("time"), ca.SX.sym("pose", 4)  # pyright: ignore[reportArgumentType, reportCallIssue]
-    symbols = [ca.SX.sym(name, rows, n_auvs) for name, rows in ROWS.items()]  # pyright: ignore[reportArgumentType, reportCallIssue]
-    targets = Targets(*symbols)._replace(weight=symbols[-1].T)
-    return ca.Function("decision", [time, pose, *symbols], list(guarded(expression, time, pose, targets)))
+    known = [ca.SX.sym(name, rows, n_auvs) for name, rows in ROWS.items()]  # pyright: ignore[reportArgumentType, reportCallIssue]
+    return [time, pose, *known], Targets(*known)._replace(weight=known[-1].T)
 
 
 def straight_on(cna: Unicycle, pose: Pose, status: Status, n_auvs: int) -> Decision:
@@ -161,6 +167,12 @@ def _arc() -> ca.Function:
     """(state, control, durations) -> the unicycle's states after them."""
     x, u, t = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("t")  # pyright: ignore[reportArgumentType, reportCallIssue]
     return ca.Function("arc", [x, u, t], [Unicycle.step(x, u, t)]).map(PATH_POINTS)
+
+
+def time_to_ping(time: ca.SX, interval: float) -> ca.SX:
+    """Time [s] until the next of the pings that come every interval [s] from time 0; at a ping, until the next one."""
+    since = ca.fmod(time, interval)
+    return interval - ca.if_else(since > (1 - ROUNDING) * interval, 0.0, since)
 
 
 def two_thirds_turn(cna: Unicycle) -> float:
