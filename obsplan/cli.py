@@ -54,13 +54,16 @@ def compare(
     settings: Settings = None,
     out: Out = None,
 ) -> None:
-    """Compare planners on one scenario under the same noise: the thesis's Tables 5.1 and 5.2 for any survey."""
+    """Compare planners on one scenario under the same noise, or on the whole `suite` of them."""
     from obsplan.planners import PLANNERS
     from obsplan.report import compare_table, free_folder, write_comparison
     from obsplan.scenario import load
     from obsplan.simulation import simulate
 
     names = planners.split(",") if planners else list(PLANNERS)
+    if scenario == "suite":
+        compare_suite(names, runs, seed, settings or [], out or Path("suite"))
+        return
     loaded = {name: load(scenario, planner=name, settings=settings or ()) for name in dict.fromkeys(names)}
     table = next(iter(loaded.values())).table
     folder = free_folder(out, f"{table.name}-compare")
@@ -74,6 +77,26 @@ def compare(
     write_comparison(rows, folder, title=f"{table.name}, {runs} runs each")
     show(compare_table(rows))
     say(f"Written to {folder}{'' if folder.is_absolute() else '/'}: compare.csv, compare.png.")
+
+
+def compare_suite(planners: list[str], runs: int, seed: int | None, settings: list[str], out: Path) -> None:
+    """Fly a campaign of planners over the suite, and say who wins where; the folder is resumed if it is there."""
+    import numpy as np
+
+    from obsplan.campaign import fly_campaign, load_campaign, plan_cells
+    from obsplan.report import suite_table, write_suite
+    from obsplan.report.suite import decision_time, least_error, read_suite
+    from obsplan.scenario import load, suite
+
+    cells = plan_cells(suite(), planners=planners, vary=settings, runs=runs, seed=seed)
+    with campaign_bar(f"{len(cells)} combinations") as progress:
+        fly_campaign(cells, out, progress=progress)
+    bounds = {name.removeprefix("suite/"): least_error(load(name, planner="circle")) for name in suite()}
+    times = {planner: float(np.median([decision_time(load(name, planner=planner)) for name in suite()])) for planner in planners}
+    result = read_suite(load_campaign(out), bounds, times)
+    files = write_suite(result, out)
+    show(suite_table(result))
+    say(f"Written to {out}{'' if out.is_absolute() else '/'}: {', '.join(files)}, campaign.csv.")
 
 
 @app.command()

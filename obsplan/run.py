@@ -94,6 +94,13 @@ class Run:
         return np.hypot(*np.moveaxis(self.truth[..., :2] - self.cna[:, :2], -1, 0))
 
     @cached_property
+    def violation(self) -> Float[np.ndarray, "auvs samples"]:
+        """How far [m] the aid vehicle breaks the scenario's limits with respect to each AUV; at most 0 where it keeps them."""
+        limits = self.scenario.constraints
+        apart = np.maximum(limits.min_separation - self.separation, self.separation - limits.max_separation)
+        return np.maximum(apart, limits.fixed_violation(np.ascontiguousarray(self.cna[:, :2])))
+
+    @cached_property
     def cramer_rao(self) -> Float[np.ndarray, "auvs samples 4 4"]:
         """Posterior Cramér-Rao bound along the true path, from the first covariance and the filter's process noise."""
         J = np.repeat(self._compass_information()[None], len(self.names), axis=0)
@@ -169,6 +176,7 @@ class Run:
             **({"bound_rms_m": bound, "efficiency": bound / achieved if achieved > 0 else 1.0} if bounds else {}),
             "separation_mean_m": separation.mean(),
             "separation_max_m": separation.max(),
+            **({"violation_max_m": self.violation[auvs].max()} if self.scenario.constraints else {}),
         }
         return {key: float(value) if np.isfinite(value) else None for key, value in figures.items()}
 

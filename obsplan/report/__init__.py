@@ -12,10 +12,12 @@ _HOME = {
     "map_figure": "map",
     "planner_notes": "verdict",
     "run_table": "tables",
+    "suite_table": "suite",
     "verdicts": "verdict",
     "write_campaign_report": "campaign",
     "write_comparison": "files",
     "write_run": "files",
+    "write_suite": "suite",
 }
 
 __all__ = [*_HOME]  # pyright: ignore[reportUnsupportedDunderAll]

@@ -22,6 +22,11 @@ def shipped() -> list[str]:
     return sorted(path.stem for path in SHIPPED.glob("*.toml"))
 
 
+def suite() -> list[str]:
+    """Names of the scenarios on which planners are compared."""
+    return sorted(f"suite/{path.stem}" for path in (SHIPPED / "suite").glob("*.toml"))
+
+
 def load(name: str | Path, *, planner: str | None = None, settings: Sequence[str] = ()) -> Scenario:
     """Read a shipped scenario by name, or a scenario file, and check all of it.
 
@@ -80,7 +85,7 @@ def find(name: str | Path) -> Path:
     """Path of a scenario file by its path or shipped name."""
     path = Path(name)
     if path.suffix != ".toml" and not path.exists():
-        if str(name) not in shipped():
+        if str(name) not in shipped() + suite():
             raise ObsplanError(f'no scenario "{name}" is shipped and no such file exists; {nearest(str(name), shipped())}')
         return SHIPPED / f"{name}.toml"
     return path

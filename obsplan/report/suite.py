@@ -1,0 +1,149 @@
+"""Planners over a suite of scenarios: who wins where, by how much, at what cost, and how far all are from the physical limit."""
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportReturnType=false
+# because pandas is not typed: its columns may be anything
+
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obsplan.campaign.statistics import medians, signed_rank_p
+from obsplan.files import write_atomically
+from obsplan.scenario import Scenario
+from obsplan.simulation import ClosedLoop
+from obsplan.types import Belief
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+    from rich.table import Table
+
+LEVEL = 0.05  # of significance, below which a difference is not put down to chance
+DECISIONS = 30  # timed per planner and scenario
+SHOWN_WORST = 5.0  # times the best, at which the figure's colours end
+
+
+@dataclass(frozen=True, kw_only=True)
+class Suite:
+    """What a campaign over planners and scenarios says.
+
+    ``cells`` has one row per scenario and planner: medians, ``ratio`` to the scenario's lowest median error, ``p`` of Wilcoxon's
+    signed-rank test against that planner over paired seeds, ``ties`` whether it is the best or not distinguishable from it, ``efficiency``.
+    ``planners`` has one row per planner: ``wins``, ``ties``, mean and worst ratio, decision time.
+    """
+
+    cells: "pd.DataFrame"
+    planners: "pd.DataFrame"
+
+
+def read_suite(table: "pd.DataFrame", bounds: dict[str, float], decision_ms: dict[str, float]) -> Suite:
+    """Read a campaign's table.
+
+    Parameters
+    ----------
+    table
+        One row per mission, as `load_campaign` gives it.
+    bounds
+        Certified least RMS error of any path, per scenario [m].
+    decision_ms
+        Median time of a decision, per planner [ms].
+    """
+    cells = medians(table)[["scenario", "planner", "missions", "failed", "rms_error_m", "pcrb_rms_m", "violation_max_m"]]
+    errors = table.pivot_table(index=["scenario", "seed"], columns="planner", values="rms_error_m", dropna=False)
+    best = cells.loc[cells.groupby("scenario")["rms_error_m"].idxmin()].set_index("scenario")
+    against = cells["scenario"].map(best["planner"])
+    p = [_p(errors.loc[s], one, other) for s, one, other in zip(cells["scenario"], cells["planner"], against, strict=True)]
+    cells = cells.assign(
+        ratio=cells["rms_error_m"] / cells["scenario"].map(best["rms_error_m"]),
+        p=p,
+        ties=np.array(p) > LEVEL,
+        efficiency=cells["scenario"].map(bounds) / cells["pcrb_rms_m"],
+    )
+    by_planner = cells.groupby("planner")
+    planners = by_planner.agg(
+        wins=("ratio", lambda r: int((r == 1.0).sum())),
+        ties=("ties", "sum"),
+        mean_ratio=("ratio", lambda r: float(np.exp(np.mean(np.log(r))))),
+        worst_ratio=("ratio", "max"),
+        worst_scenario=("ratio", lambda r: cells.loc[r.idxmax(), "scenario"]),
+        efficiency=("efficiency", "median"),
+        violation_max_m=("violation_max_m", "max"),
+    ).reset_index()
+    planners["decision_ms"] = planners["planner"].map(decision_ms)
+    return Suite(cells=cells, planners=planners.sort_values(["mean_ratio", "planner"], ignore_index=True))
+
+
+def _p(errors: "pd.DataFrame", one: str, other: str) -> float:
+    """Of the two planners' errors over the same seeds; 1 of a planner against itself."""
+    return 1.0 if one == other else signed_rank_p((errors[one] - errors[other]).dropna().to_numpy())
+
+
+def least_error(scenario: Scenario) -> float:
+    """Certified least RMS position error [m] of any path of the aid vehicle, over all AUVs, for the scenario's seed."""
+    loop = ClosedLoop(scenario=scenario, planner=scenario.planner())
+    bounds = loop.fly(scenario.table.seed).information_bounds
+    return float(np.sqrt(np.mean([bound.bound for bound in bounds])))
+
+
+def decision_time(scenario: Scenario) -> float:
+    """Median time of a decision of the scenario's planner at the start [ms]."""
+    planner = scenario.planner()
+    beliefs = [Belief.at(*reference.polyline[0].tolist(), covariance=np.eye(4), weight=1.0) for reference in scenario.references]
+    seconds = []
+    for k in range(DECISIONS):
+        began = perf_counter()
+        planner.plan(scenario.start, beliefs, time=k * scenario.decide_every * scenario.table.time_step)
+        seconds.append(perf_counter() - began)
+    return float(np.median(seconds) * 1e3)
+
+
+def suite_table(suite: Suite) -> "Table":
+    """Tabulate planners, the best on the whole first."""
+    from rich.table import Table
+
+    n = suite.cells["scenario"].nunique()
+    headings = (f"Lowest of {n}", "Or equal", "Mean ratio", "Worst ratio", "in", "Efficiency", "Decision [ms]")
+    table = Table("Planner", *headings, title="RMS error against the best planner of each scenario", title_justify="left")
+    for row in suite.planners.itertuples():
+        numbers = (f"{row.mean_ratio:.2f}", f"{row.worst_ratio:.2f}", str(row.worst_scenario), f"{row.efficiency:.2f}")
+        table.add_row(row.planner, str(row.wins), str(int(row.ties)), *numbers, f"{row.decision_ms:.2f}")
+    return table
+
+
+def suite_figure(suite: Suite) -> "Figure":
+    """Draw every planner in every scenario: its median RMS error, coloured by how many times the best it is."""
+    from matplotlib.colors import LogNorm
+    from matplotlib.figure import Figure
+
+    planners, scenarios = list(suite.planners["planner"]), sorted(suite.cells["scenario"].unique())
+    grid = suite.cells.pivot_table(index="scenario", columns="planner", values=["ratio", "rms_error_m", "ties"]).loc[scenarios]
+    ratio = grid["ratio"][planners].to_numpy(dtype=float)
+    figure = Figure(figsize=(2.2 + 0.95 * len(planners), 1.4 + 0.32 * len(scenarios)), layout="constrained")
+    axes = figure.subplots()
+    image = axes.imshow(ratio, norm=LogNorm(1.0, SHOWN_WORST), cmap="YlOrBr", aspect="auto")
+    for (i, j), times in np.ndenumerate(ratio):
+        error, tied = grid["rms_error_m"][planners].iloc[i, j], grid["ties"][planners].iloc[i, j]
+        style = {"weight": "bold" if tied else "normal", "color": "white" if times > SHOWN_WORST / 2 else "black"}
+        axes.text(j, i, f"{error:.2f}", ha="center", va="center", fontsize=8, **style)
+    axes.set_xticks(range(len(planners)), planners, rotation=30, ha="right")
+    axes.set_yticks(range(len(scenarios)), scenarios)
+    axes.grid(visible=False)
+    ticks = [1.0, 1.5, 2.0, 3.0, SHOWN_WORST]
+    bar = figure.colorbar(image, label="times the best", extend="max", ticks=ticks)
+    bar.ax.set_yticklabels([f"{tick:g}" for tick in ticks])
+    bar.ax.minorticks_off()
+    figure.suptitle("Median RMS position error [m]; bold: the best, or not distinguishable from it", x=0.01, ha="left", fontsize=10)
+    return figure
+
+
+def write_suite(suite: Suite, folder: Path) -> list[str]:
+    """Write ``suite.csv``, ``planners.csv`` and ``suite.png`` into a folder; returns their names."""
+    from obsplan.report.style import png
+
+    timeless = suite.planners.drop(columns="decision_ms")  # the same bytes on every machine
+    write_atomically(folder / "suite.csv", suite.cells.to_csv(index=False, float_format="%.6g"))
+    write_atomically(folder / "planners.csv", timeless.to_csv(index=False, float_format="%.6g"))
+    write_atomically(folder / "suite.png", png(lambda: suite_figure(suite)))
+    return ["suite.csv", "planners.csv", "suite.png"]

@@ -1,0 +1,73 @@
+"""The suite of scenarios, and what is said of planners on it."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from obsplan.report.suite import decision_time, least_error, read_suite, suite_figure, suite_table, write_suite
+from obsplan.scenario import load, shipped, suite
+
+
+def table(errors):
+    """A campaign's table from errors by (scenario, planner), one a seed."""
+    rows = [
+        {"scenario": s, "planner": p, "seed": k, "status": "done", "rms_error_m": e, "pcrb_rms_m": e / 2, "violation_max_m": np.nan}
+        | dict.fromkeys(("max_error_m", "mean_nees", "separation_mean_m", "separation_max_m"), 1.0)
+        for (s, p), values in errors.items()
+        for k, e in enumerate(values)
+    ]
+    return pd.DataFrame(rows)[["scenario", "planner", "seed", *[c for c in rows[0] if c not in ("scenario", "planner", "seed")]]]
+
+
+@pytest.fixture
+def two():
+    noise = np.linspace(0.9, 1.1, 20)
+    return table({("a", "good"): noise, ("a", "bad"): 2 * noise, ("b", "good"): noise, ("b", "bad"): noise[::-1] * 0.999})
+
+
+def test_suite_covers_what_users_meet():
+    scenarios = [load(name) for name in suite()]
+    assert len(scenarios) >= 16
+    ratio = [max(auv.speed for auv in s.table.auv) / s.table.cna.speed for s in scenarios]
+    assert min(r for r in ratio if r) <= 0.1 + 1e-12
+    assert max(ratio) == 1.5
+    assert {len(s.table.auv) for s in scenarios} >= {1, 2, 4, 8}
+    assert {s.table.ranging.interval for s in scenarios} >= {0.1, 30.0}
+    assert {s.table.ranging.sigma for s in scenarios} >= {0.1, 3.0}
+    assert any(s.table.environment.current != (0.0, 0.0) for s in scenarios)
+    assert any(s.constraints.keep_out for s in scenarios)
+    assert any(s.constraints.geofence for s in scenarios)
+    assert not set(suite()) & set(shipped())
+
+
+def test_the_lowest_median_wins_and_what_is_not_distinguishable_ties(two):
+    result = read_suite(two, {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0})
+    planners = result.planners.set_index("planner")
+    assert planners["wins"].to_dict() == {"good": 1, "bad": 1}
+    assert planners["ties"].to_dict() == {"good": 2, "bad": 1}
+    assert planners.loc["bad", "worst_ratio"] == pytest.approx(2.0)
+    assert planners.loc["bad", "worst_scenario"] == "a"
+    assert planners.loc["good", "efficiency"] == pytest.approx(0.5)
+    assert list(result.planners["planner"]) == ["good", "bad"]
+    assert "2.00" in str([column._cells for column in suite_table(result).columns])
+
+
+def test_suite_is_written_without_what_differs_between_machines(two, tmp_path):
+    for folder, speed in (("one", 1.0), ("other", 9.0)):
+        (tmp_path / folder).mkdir()
+        names = write_suite(read_suite(two, {"a": 0.25, "b": 0.25}, {"good": speed, "bad": speed}), tmp_path / folder)
+    for name in names:
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "other" / name).read_bytes()
+
+
+def test_figure_marks_the_best_in_bold(two):
+    axes = suite_figure(read_suite(two, {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0})).axes[0]
+    bold = [text.get_text() for text in axes.texts if text.get_weight() == "bold"]
+    assert bold == ["1.00", "1.00", "1.00"]
+
+
+@pytest.mark.slow
+def test_least_error_and_decision_time_are_of_the_scenario():
+    scenario = load("suite/tank-precise", planner="circle", settings=["duration=20.0"])
+    assert 0 < least_error(scenario) < 0.5
+    assert 0 < decision_time(scenario) < 1e3
