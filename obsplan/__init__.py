@@ -21,6 +21,7 @@ _HOME = {
     "Scenario": "scenario",
     "Stationary": "planners.stationary",
     "Status": "types",
+    "Trajectory": "planners.trajectory",
     "Unicycle": "vehicles",
     "load": "scenario",
     "load_campaign": "campaign",

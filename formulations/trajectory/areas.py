@@ -1,0 +1,76 @@
+"""Fixed limits as a smooth program can take them: discs, and convex polygons by the lines through their edges.
+
+A keep-out polygon is replaced by its convex hull; a geofence by its hull less the hull of each pocket between hull and fence. Both err on
+the safe side. What is inside the one or outside the other although the true area permits it, is lost to the program, not to the manoeuvres
+it starts from, which are held against the true area.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial import ConvexHull
+
+FLAT = 1e-9  # depth of a pocket, relative to the fence, below which its corners lie on a line
+
+
+class Areas(NamedTuple):
+    """Limits on a position p; a line is (n, b) with n of length 1, n·p - b the distance to the edge, positive outside."""
+
+    discs: Float[np.ndarray, "D 3"]  # centre, radius [m]; stay outside
+    keep_outs: tuple[Float[np.ndarray, "J 3"], ...]  # lines; stay outside at least one of each
+    fence: Float[np.ndarray, "J 3"]  # lines; stay inside all
+
+    def __bool__(self) -> bool:
+        """Whether anything is limited."""
+        return len(self.discs) + len(self.keep_outs) + len(self.fence) > 0
+
+
+def no_areas() -> Areas:
+    """Areas that limit nothing."""
+    return Areas(np.empty((0, 3)), (), np.empty((0, 3)))
+
+
+def convex_areas(
+    discs: Float[np.ndarray, "D 3"],
+    polygons: Sequence[Float[np.ndarray, "_ 2"]],
+    geofence: Float[np.ndarray, "_ 2"] | None,
+) -> Areas:
+    """Take discs, corners of keep-out polygons and corners of a geofence, convex or not, to convex areas."""
+    if geofence is None:
+        return Areas(discs, tuple(hull_lines(points) for points in polygons), np.empty((0, 3)))
+    return Areas(discs, tuple(hull_lines(points) for points in (*polygons, *_pockets(geofence))), hull_lines(geofence))
+
+
+def hull_lines(points: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "J 3"]:
+    """Lines through the edges of the convex hull."""
+    lines = ConvexHull(points).equations * [1.0, 1.0, -1.0]
+    return lines[np.lexsort(np.round(lines, 9).T)]
+
+
+def _pockets(corners: Float[np.ndarray, "n 2"]) -> list[Float[np.ndarray, "_ 2"]]:
+    """Corners of each part of the hull that a simple polygon leaves out: from one hull corner to the next, where others lie between."""
+    on_hull = np.sort(ConvexHull(corners).vertices)
+    ends = np.append(on_hull[1:], on_hull[0] + len(corners))
+    pockets = [corners[np.arange(a, b + 1) % len(corners)] for a, b in zip(on_hull, ends, strict=True) if b - a > 1]
+    return [pocket for pocket in pockets if _depth(pocket) > FLAT * np.ptp(corners, axis=0).max()]
+
+
+def _depth(pocket: Float[np.ndarray, "n 2"]) -> float:
+    """Greatest distance of a pocket's corners from the line between its first and last."""
+    chord = pocket[-1] - pocket[0]
+    off = pocket - pocket[0]
+    return float(np.abs(chord[0] * off[:, 1] - chord[1] * off[:, 0]).max() / np.hypot(*chord))
+
+
+def in_frame(areas: Areas, origin: Float[np.ndarray, "2"], heading: float, length: float) -> Areas:
+    """The same areas seen from a pose, in multiples of a length."""
+    c, s = np.cos(heading), np.sin(heading)
+    turn = np.array([[c, -s], [s, c]])  # a row vector times this is turned by minus the heading
+
+    def moved(lines: np.ndarray) -> np.ndarray:
+        return np.column_stack([lines[:, :2] @ turn, (lines[:, 2] - lines[:, :2] @ origin) / length])
+
+    discs = np.column_stack([(areas.discs[:, :2] - origin) @ turn, areas.discs[:, 2]]) / [length]
+    return Areas(discs, tuple(moved(lines) for lines in areas.keep_outs), moved(areas.fence))

@@ -1,0 +1,66 @@
+"""Manoeuvres to start from: constant turns, pairs of them, the rest of the last trajectory, and what a beam search finds."""
+
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Float
+
+from ..manoeuvre_search import Stages, Tracks, Violation, search_manoeuvres, turn_candidates
+from .program import Controls
+from .rollout import ramped
+from .task import Task
+
+CONSTANT = 21  # turns held over the horizon
+PAIRED = 7  # turns held over half of it, each followed by each
+BRANCHES, LEVELS, BEAM = 7, 5, 16  # of the search for covariances
+
+
+def manoeuvres(
+    task: Task, objective: str, last: Controls | None, violation: Violation | None
+) -> tuple[Float[np.ndarray, "K N"], Float[np.ndarray, "K N"]]:
+    """Turn rates and speeds, within the vehicle's limits; the last trajectory's first, so that of equals it is kept."""
+    rates = _turns(len(task.durations)) * (task.speed[1] / task.min_turn_radius)
+    if objective == "covariance":
+        rates = np.concatenate([_searched(task, violation)[None], rates])
+    speeds = np.full_like(rates, task.speed[1])
+    if task.speed[0] < task.speed[1]:
+        rates = np.concatenate([rates, rates * (task.speed[0] / task.speed[1])])
+        speeds = np.concatenate([speeds, np.full_like(speeds, task.speed[0])])
+    if last is not None:
+        rates = np.concatenate([last.turn_rates[None], rates])
+        speeds = np.concatenate([last.speeds[None], speeds])
+    speeds = np.clip(speeds, *task.speed)
+    return ramped(task, rates, speeds), speeds
+
+
+@lru_cache(maxsize=8)
+def _turns(stages: int) -> Float[np.ndarray, "K N"]:
+    """Sequences of shares of the greatest turn rate: straight on, then by pairs of mirror images, left first."""
+    constant = np.linspace(1.0, -1.0, CONSTANT)[:, None] * np.ones(stages)
+    some = np.linspace(1.0, -1.0, PAIRED)
+    first = np.arange(stages) < stages // 2
+    pairs = np.where(first, some[:, None, None], some[None, :, None])
+    return np.concatenate([constant, pairs.reshape(-1, stages)])
+
+
+def _searched(task: Task, violation: Violation | None) -> Float[np.ndarray, " N"]:
+    """The beam search's turns, its stages being groups of the task's."""
+    groups = np.array_split(np.arange(len(task.durations)), min(LEVELS, len(task.durations)))
+    ends = np.array([group[-1] for group in groups])
+    duration = np.array([task.durations[group].sum() for group in groups])
+    velocity = task.speeds[..., None] * np.stack([np.cos(task.headings), np.sin(task.headings)], axis=-1)
+    mean = np.stack([np.average(velocity[group], axis=0, weights=task.durations[group]) for group in groups])
+    found = search_manoeuvres(
+        task.pose,
+        task.covariance,
+        tracks=Tracks(task.positions[2 * ends + 2], np.arctan2(mean[..., 1], mean[..., 0]), np.hypot(mean[..., 0], mean[..., 1])),
+        process_noise=task.process_noise,
+        weights=task.weights,
+        stages=Stages(duration, np.array([task.pings[group].sum() for group in groups])),
+        turn_rates=turn_candidates(task.speed[1] / task.min_turn_radius, BRANCHES),
+        speed=task.speed[1],
+        ranging=task.ranging,
+        beam_width=BEAM,
+        violation=violation,
+    )
+    return np.repeat(found.turn_rates, [len(group) for group in groups])

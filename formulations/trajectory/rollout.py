@@ -1,0 +1,108 @@
+r"""Follow sequences of turns and say what they are worth: many at once, in numpy, in the units of the task.
+
+Gramian objectives are of the position block of the squared range's Gramian (thesis 4.1), the aid vehicle's own heading being known,
+
+.. math:: W_i = 4 \int_0^T p_i p_i^\top dt, \qquad p_i(t) = \text{aid vehicle} - \text{AUV } i,
+
+by Simpson's rule on each stage. W grows with distance: give these objectives a greatest separation. The ``covariance`` objective is the
+time mean of the trace of each AUV's predicted position covariance, ranges coming at the pings (`formulations.manoeuvre_search`).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ..manoeuvre_search import Tracks, predict_covariance, range_update
+from .task import Task
+
+
+class Path(NamedTuple):
+    """Where K sequences lead."""
+
+    poses: Float[np.ndarray, "K T 3"]  # at times within the stages
+    times: Float[np.ndarray, " T"]  # from now
+
+
+def follow(task: Task, turn_rates: Float[np.ndarray, "K N"], speeds: Float[np.ndarray, "K N"], points: int = 2) -> Path:
+    """Poses now and at ``points`` equal fractions of each stage, on exact arcs."""
+    d = task.durations
+    fraction = np.arange(1, points + 1) / points
+    half = 0.5 * turn_rates[:, :, None] * d[:, None] * fraction
+    ends = task.pose[2] + np.cumsum(turn_rates * d, axis=1)
+    before = np.concatenate([np.full((len(turn_rates), 1), task.pose[2]), ends[:, :-1]], axis=1)[..., None]
+    chord = (speeds * d)[:, :, None] * fraction * np.sinc(half / np.pi)
+    step = chord[..., None] * np.stack([np.cos(before + half), np.sin(before + half)], axis=-1)
+    start = task.pose[:2] + np.concatenate([np.zeros((len(step), 1, 2)), np.cumsum(step[:, :-1, -1], axis=1)], axis=1)
+    poses = np.concatenate([start[:, :, None] + step, (before + 2 * half)[..., None]], axis=-1).reshape(len(step), -1, 3)
+    times = (np.cumsum(d)[:, None] - d[:, None] * (1 - fraction)).ravel()
+    here = np.broadcast_to(task.pose, (len(step), 1, 3))
+    return Path(np.concatenate([here, poses], axis=1), np.concatenate([[0.0], times]))
+
+
+def simpson_weights(durations: Float[np.ndarray, " N"]) -> Float[np.ndarray, " T"]:
+    """Weights of the ends and middles of the stages."""
+    weights = np.zeros(2 * len(durations) + 1)
+    weights[:-1:2] += durations / 6
+    weights[1::2] += 4 * durations / 6
+    weights[2::2] += durations / 6
+    return weights
+
+
+def gramians(task: Task, path: Path) -> Float[np.ndarray, "K M 2 2"]:
+    """Position blocks W / 4 from each sequence to each AUV."""
+    x, y = (path.poses[:, :, i, None] - task.positions[..., i] for i in (0, 1))
+    weights = simpson_weights(task.durations)
+    w11, w12, w22 = (np.tensordot(weights, product, axes=(0, 1)) for product in (x * x, x * y, y * y))
+    return np.stack([np.stack([w11, w12], axis=-1), np.stack([w12, w22], axis=-1)], axis=-1)
+
+
+def gramian_scores(W: Float[np.ndarray, "K M 2 2"], objective: str) -> Float[np.ndarray, "K M"]:
+    """Each Gramian's score, lower is better: -log det, -log λmin or log((κ + 1)² / 4κ) = log(tr² / 4 det); inf where singular."""
+    trace, det = W[..., 0, 0] + W[..., 1, 1], W[..., 0, 0] * W[..., 1, 1] - W[..., 0, 1] ** 2
+    spread = np.hypot(W[..., 0, 0] - W[..., 1, 1], 2 * W[..., 0, 1])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scores = {
+            "log-det": lambda: -np.log(det),
+            "smallest-eigenvalue": lambda: -np.log(2 * det / (trace + spread)),
+            "condition-number": lambda: np.log(trace**2 / (4 * det)),
+        }[objective]()
+    return np.where(det > np.finfo(float).eps * trace**2, scores, np.inf)
+
+
+def condition_numbers(W: Float[np.ndarray, "K M 2 2"]) -> Float[np.ndarray, "K M"]:
+    """Of each Gramian; inf where it is singular."""
+    with np.errstate(over="ignore"):
+        cosh = np.exp(gramian_scores(W, "condition-number"))  # (κ + 1)² / 4κ
+    return 2 * cosh - 1 + 2 * np.sqrt(cosh * np.maximum(cosh - 1, 0.0))
+
+
+def traces(task: Task, path: Path) -> Float[np.ndarray, "K M"]:
+    """Time mean of the trace of each AUV's predicted position covariance."""
+    P = np.broadcast_to(task.covariance, (len(path.poses), *task.covariance.shape))
+    total = np.zeros(P.shape[:2])
+    ends = path.poses[:, 2::2, :2]
+    for k, (duration, pings) in enumerate(zip(task.durations, task.pings, strict=True)):
+        there = task.positions[2 * k + 2]
+        P = predict_covariance(P, Tracks(there, task.headings[k], task.speeds[k]), task.process_noise, float(duration))
+        if pings > 0:
+            P = range_update(P[:, None], ends[:, k, None, None] - there, task.ranging, float(pings))[:, 0]
+        total += (P[..., 0, 0] + P[..., 1, 1]) * (duration / task.durations.sum())
+    return total
+
+
+def scores(task: Task, path: Path, objective: str) -> Float[np.ndarray, "K M"]:
+    """Each AUV's score under each sequence, lower is better; the task holds AUVs of positive weight alone."""
+    return traces(task, path) if objective == "covariance" else gramian_scores(gramians(task, path), objective)
+
+
+def ramped(task: Task, turn_rates: Float[np.ndarray, "K N"], speeds: Float[np.ndarray, "K N"]) -> Float[np.ndarray, "K N"]:
+    """The nearest sequences that the vehicle can follow: within its turning limit, each change within reach."""
+    limit = speeds / task.min_turn_radius
+    rates = np.clip(turn_rates, -limit, limit)
+    if task.reach is None:
+        return rates
+    last = np.full(len(rates), task.turn_rate)
+    for k, reach in enumerate(task.reach):
+        rates[:, k] = last = np.clip(rates[:, k], last - reach, last + reach)
+    return rates

@@ -1,0 +1,80 @@
+"""What a trajectory is planned for: the vehicle, its horizon, the AUVs and the limits, as plain numbers."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ..manoeuvre_search import Ranging
+from .areas import Areas, in_frame
+
+OBJECTIVES = ("covariance", "log-det", "smallest-eigenvalue", "condition-number")
+
+
+class Task(NamedTuple):
+    """One planning problem of N stages and M AUVs; ``None`` where something is not limited.
+
+    Positions of AUVs are given at the 2N + 1 ends and middles of the stages. AUVs of weight 0 count for separations alone.
+    """
+
+    pose: Float[np.ndarray, "3"]  # of the aid vehicle: east, north [m], heading [rad]
+    turn_rate: float  # it is still at [rad/s]
+    speed: tuple[float, float]  # least and greatest [m/s]
+    min_turn_radius: float  # [m]
+    durations: Float[np.ndarray, " N"]  # of the stages [s]
+    reach: Float[np.ndarray, " N"] | None  # largest change of turn rate at the beginning of each stage [rad/s]
+    pings: Float[np.ndarray, " N"]  # number of ranges to each AUV at the end of each stage
+    positions: Float[np.ndarray, "T M 2"]  # of the AUVs [m]
+    headings: Float[np.ndarray, "N M"]  # of the AUVs during each stage [rad]
+    speeds: Float[np.ndarray, "N M"]  # of the AUVs through the water [m/s]
+    covariance: Float[np.ndarray, "M 4 4"]  # of each AUV's state now
+    process_noise: Float[np.ndarray, "M 4"]  # standard deviations per square root of a second
+    weights: Float[np.ndarray, " M"]
+    ranging: Ranging
+    areas: Areas
+    least: float  # separation from each AUV [m]; 0: not limited
+    greatest: float  # [m]; inf: not limited
+
+    @property
+    def length(self) -> float:
+        """Unit of length: the way made in the unit of time at full speed [m]."""
+        return self.speed[1] * self.time
+
+    @property
+    def time(self) -> float:
+        """Unit of time: the longest stage [s]."""
+        return float(self.durations.max())
+
+    @property
+    def limited(self) -> bool:
+        """Whether there are limits beyond those of the vehicle."""
+        return bool(self.areas) or self.least > 0 or np.isfinite(self.greatest)
+
+
+def in_body_frame(task: Task) -> Task:
+    """The same task seen from the aid vehicle, in its own units of length and time: its pose is 0, its speed and its longest stage 1."""
+    length, time = task.length, task.time
+    c, s = np.cos(task.pose[2]), np.sin(task.pose[2])
+    turn = np.array([[c, -s], [s, c]])
+    unit = np.array([1 / length, 1 / length, 1.0, time / length])
+    T = np.diag(unit)
+    T[:2, :2] = turn.T / length
+    squared = task.ranging.squared
+    return task._replace(
+        pose=np.zeros(3),
+        turn_rate=task.turn_rate * time,
+        speed=(task.speed[0] / task.speed[1], 1.0),
+        min_turn_radius=task.min_turn_radius / length,
+        durations=task.durations / time,
+        reach=None if task.reach is None else task.reach * time,
+        positions=(task.positions - task.pose[:2]) @ turn / length,
+        headings=task.headings - task.pose[2],
+        speeds=task.speeds * time / length,
+        covariance=T @ task.covariance @ T.T,
+        process_noise=task.process_noise * unit * np.sqrt(time),
+        weights=task.weights / task.weights.sum(),
+        ranging=Ranging(task.ranging.sigma / (length**2 if squared else length), squared),
+        areas=in_frame(task.areas, task.pose[:2], float(task.pose[2]), length),
+        least=task.least / length,
+        greatest=task.greatest / length,
+    )

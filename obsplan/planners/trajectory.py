@@ -1,0 +1,205 @@
+"""Trajectory: optimise the turns over a receding horizon, under limits on where the aid vehicle may be."""
+
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
+from time import perf_counter
+from typing import Annotated, Literal, NamedTuple, get_args
+
+import numpy as np
+
+from formulations.manoeuvre_search import Ranging
+from formulations.solution import Status
+from formulations.trajectory import Areas, Controls, Limits, Outcome, Task, convex_areas, optimise
+from obsplan.constraints import UNLIMITED, Constraints, Disc, Polygon
+from obsplan.planners.protocol import straight_on, unusable
+from obsplan.types import Belief, Decision, Pose
+from obsplan.vehicles import Unicycle
+
+LEAST_PINGS = 3  # within the horizon, however rare they are
+ROUNDING = 1e-6  # of an interval, by which a time may miss a multiple of it
+
+Objective = Literal["covariance", "log-det", "smallest-eigenvalue", "condition-number"]
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Optimise the turns of the next stages by nonlinear programming and take the first (`formulations.trajectory`).
+
+    ``covariance`` minimises the time mean of the trace of each AUV's predicted position covariance [m^2], as `InformationHorizon` does. The
+    others score the position block of each AUV's Gramian of the squared range over the horizon, which grows with distance: limit the
+    separation. ``score`` is the weighted mean over AUVs of the trace, of -log det, of -log λmin, or of log((κ + 1)²/4κ).
+
+    Stages last a multiple of the time between decisions and begin at multiples of that, so that the rest of a trajectory is one that can be
+    followed; the present one may have begun. Every trajectory leaves one of the smallest circles at its end free of keep-outs and within
+    the geofence, so that there is always one to follow. Where limits cannot be kept they are softened, and the status says so; it also
+    says which rung of the ladder the trajectory is from.
+
+    A planner remembers its last trajectory to start from, as long as time goes on: asked again at the same time or an earlier one, or
+    later than the trajectory lasts, it starts afresh.
+    """
+
+    cna: Unicycle
+    _: KW_ONLY
+    ping_interval: Annotated[float, "time between ranges [s]; default: the scenario's"]
+    sigma: Annotated[float, "standard deviation of a range [m], or squared range [m^2]; default: the scenario's"]
+    ranging_kind: Annotated[Literal["range", "squared-range"], "what is measured; default: the scenario's"] = "range"
+    objective: Annotated[Objective, "what is minimised"] = "covariance"
+    horizon: Annotated[float, "least look-ahead [s]"] = 20.0
+    stages: Annotated[int, "turns over the horizon, at least 2"] = 12
+    max_turn_acceleration: Annotated[float | None, "largest change of the turn rate [rad/s^2], taken at decisions; default: none"] = None
+    speed_range: Annotated[tuple[float, float] | None, "least and greatest speed [m/s]; default: the vehicle's alone"] = None
+    max_iterations: Annotated[int, "of each solver, at least 1"] = 100
+    deadline: Annotated[float | None, "time after which no further solver is begun [s]; default: none, so that results repeat"] = None
+    constraints: Annotated[Constraints, "limits on the aid vehicle's position; the scenario's"] = UNLIMITED
+    decision_interval: Annotated[float, "time between decisions [s]; the scenario's"] = 1.0
+
+    def __post_init__(self) -> None:
+        for name, unit in (("ping_interval", "s"), ("sigma", "m"), ("horizon", "s"), ("decision_interval", "s")):
+            if not 0 < getattr(self, name) < np.inf:
+                raise ValueError(f"{name} must be positive and finite [{unit}], got {getattr(self, name)}")
+        for name, unit in (("max_turn_acceleration", "rad/s^2"), ("deadline", "s")):
+            if getattr(self, name) is not None and not 0 < getattr(self, name) < np.inf:
+                raise ValueError(f"{name} must be positive and finite [{unit}], or left out, got {getattr(self, name)}")
+        if self.objective not in get_args(Objective):
+            raise ValueError(f'objective must be one of {", ".join(get_args(Objective))}, got "{self.objective}"')
+        for name, least in (("stages", 2), ("max_iterations", 1)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name} must be at least {least}, got {getattr(self, name)}")
+        if self.speed_range is not None and not 0 < self.speed_range[0] <= self.speed_range[1] < np.inf:
+            raise ValueError(f"speed_range must be 0 < least <= greatest [m/s], got {self.speed_range}")
+
+    @property
+    def condition_label(self) -> str:
+        """What the condition numbers are of."""
+        return "" if self.objective == "covariance" else "κ(W)"
+
+    @cached_property
+    def _memory(self) -> "dict[str, _Plan]":
+        """The last trajectory; no field, since planners with the same options are equal."""
+        return {}
+
+    def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
+        """Choose the first turn of the best trajectory."""
+        decision = unusable(self, pose, auvs)
+        if decision is not None:
+            self._memory.clear()
+            return decision
+        began = perf_counter()
+        durations = self._durations(time)
+        task = self._task(pose, auvs, time, durations)
+        if not all(np.isfinite(part).all() for part in (task.positions, task.covariance, task.process_noise)):
+            self._memory.clear()
+            return straight_on(self.cna, pose, Status.INVALID_INPUT, len(auvs))
+        last = self._memory.pop("plan", None)
+        found = optimise(
+            task,
+            self.objective,
+            limits=self._limits(auvs) if self.constraints else None,
+            last=None if last is None else last.shifted(time, durations, self.cna),
+            max_iterations=self.max_iterations,
+            hurry=lambda: self.deadline is not None and perf_counter() - began > self.deadline,
+        )
+        side = found.side if self.constraints else 0.0
+        self._memory["plan"] = _Plan(time, time + np.cumsum(durations), found.turn_rates, found.speeds, side)
+        return self._decision(found)
+
+    def _decision(self, found: Outcome) -> Decision:
+        speed = float(found.speeds[0])
+        limit = speed / self.cna.min_turn_radius
+        return Decision(
+            turn_rate=min(max(float(found.turn_rates[0]), -limit), limit),
+            speed=speed,
+            path=found.poses,
+            score=found.score,
+            status=found.status,
+            condition=found.condition,
+        )
+
+    def _durations(self, time: float) -> np.ndarray:
+        """Stages that last a multiple of the decision interval and end at multiples of that; the first is the rest of the present one."""
+        horizon = self.horizon
+        if self.objective == "covariance":
+            horizon = max(horizon, LEAST_PINGS * self.ping_interval)
+        length = self.decision_interval * max(1, round(horizon / self.stages / self.decision_interval))
+        durations = np.full(self.stages, length)
+        left = length - time % length
+        durations[0] = left if left > ROUNDING * length else length
+        return durations
+
+    def _task(self, pose: Pose, auvs: Sequence[Belief], time: float, durations: np.ndarray) -> Task:
+        ends = np.concatenate([[0.0], np.cumsum(durations)])
+        times = np.sort(np.concatenate([ends, ends[:-1] + durations / 2]))
+        positions = np.stack([auv.ahead(times) for auv in auvs], axis=1)
+        water = np.diff(positions[::2], axis=0) / durations[:, None, None] - np.array([auv.drift for auv in auvs])
+        speeds = np.hypot(water[..., 0], water[..., 1])
+        still = speeds <= ROUNDING * self.cna.speed
+        headings = np.where(still, [auv.mean[2] for auv in auvs], np.arctan2(water[..., 1], water[..., 0]))
+        pings = np.floor((time + ends) / self.ping_interval + ROUNDING)
+        reach = None if self.max_turn_acceleration is None else np.full(self.stages, self.max_turn_acceleration * self.decision_interval)
+        return Task(
+            pose=np.array([pose.x, pose.y, pose.heading]),
+            turn_rate=pose.turn_rate,
+            speed=self.speed_range or (self.cna.speed, self.cna.speed),
+            min_turn_radius=self.cna.min_turn_radius,
+            durations=durations,
+            reach=reach,
+            pings=np.diff(pings),
+            positions=positions,
+            headings=headings,
+            speeds=speeds,
+            covariance=np.array([auv.covariance for auv in auvs]),
+            process_noise=np.array([[noise[0], noise[0], noise[1], noise[2]] for noise in (auv.process_noise for auv in auvs)]),
+            weights=np.array([auv.weight for auv in auvs], dtype=float),
+            ranging=Ranging(self.sigma, self.ranging_kind == "squared-range"),
+            areas=self._areas,
+            least=self.constraints.min_separation,
+            greatest=self.constraints.max_separation,
+        )
+
+    @cached_property
+    def _areas(self) -> Areas:
+        limits = self.constraints
+        discs = np.array([[area.x, area.y, area.radius] for area in limits.keep_out if isinstance(area, Disc)], dtype=float)
+        polygons = [np.array(area.points, dtype=float) for area in limits.keep_out if isinstance(area, Polygon)]
+        fence = None if limits.geofence is None else np.array(limits.geofence.points, dtype=float)
+        return convex_areas(discs.reshape(-1, 3), polygons, fence)
+
+    def _limits(self, auvs: Sequence[Belief]) -> Limits:
+        """The constraints, the AUVs being where they are expected."""
+        limits, radius = self.constraints, self.cna.min_turn_radius
+        separated = limits.min_separation > 0 or np.isfinite(limits.max_separation)
+
+        def along(positions: np.ndarray, times: np.ndarray) -> np.ndarray:
+            worst = limits.fixed_violation(positions)
+            if not separated:
+                return worst
+            known = np.stack([auv.ahead(times) for auv in auvs], axis=1)
+            distance = np.linalg.norm(positions[..., None, :] - known, axis=-1)
+            return np.maximum(worst, np.maximum(limits.min_separation - distance, distance - limits.max_separation).max(axis=-1))
+
+        def after(poses: np.ndarray) -> np.ndarray:
+            left = radius * np.stack([-np.sin(poses[:, 2]), np.cos(poses[:, 2])], axis=-1)
+            return limits.fixed_violation(np.stack([poses[:, :2] + left, poses[:, :2] - left], axis=1)) + radius
+
+        return Limits(along, after)
+
+
+class _Plan(NamedTuple):
+    """A trajectory as remembered."""
+
+    time: float  # of the decision [s]
+    ends: np.ndarray  # of its stages [s]
+    turn_rates: np.ndarray
+    speeds: np.ndarray
+    side: float  # of the circle that is free at its end: 1 left, -1 right; 0: no limits, the last turn is held
+
+    def shifted(self, time: float, durations: np.ndarray, cna: Unicycle) -> Controls | None:
+        """What is left of it on new stages, and then the free circle; None if it is not of the immediate past."""
+        if not self.time < time < self.ends[-1]:
+            return None
+        middles = time + np.cumsum(durations) - durations / 2
+        which = np.searchsorted(self.ends, middles)
+        speeds = np.append(self.speeds, self.speeds[-1])
+        then = self.side * speeds[-1] / cna.min_turn_radius if self.side else self.turn_rates[-1]
+        return Controls(np.append(self.turn_rates, then)[which], speeds[which])
