@@ -286,6 +286,22 @@ def test_sequences_that_break_limits_are_taken_last_and_the_first_turn_counts_mo
     assert forced.first_violation == 1.0
 
 
+def test_first_turn_counts_more_than_what_comes_of_it():
+    given = problem(np.random.default_rng(14))
+    heading, left = given["pose"][2], given["turn_rates"] > 0
+
+    def right_at_first(positions, time):  # forbidden: whatever is not to the left, during the first stage
+        aside = (positions - given["pose"][:2]) @ [-math.sin(heading), math.cos(heading)]
+        return np.where((aside < 1e-9) & (time <= given["stages"].duration[0]), 1.0, -1.0)
+
+    found = search_manoeuvres(**given, beam_width=125, violation=right_at_first)
+    assert found.turn_rates[0] > 0
+    assert found.violation == 0.0
+    found = search_manoeuvres(**given, beam_width=125, violation=right_at_first, first_violation=0.1 * left)
+    assert found.turn_rates[0] <= 0
+    assert (found.first_violation, found.violation) == (0.0, 1.0)
+
+
 def test_violation_of_a_sequence_is_the_worst_along_its_arcs():
     given = problem(np.random.default_rng(13))
     times, seen = [], []

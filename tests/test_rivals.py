@@ -79,6 +79,12 @@ def test_trail_takes_its_place_and_slows_to_the_speed_of_the_auvs(behind, left):
     assert (turned <= speeds / 5.0 * (1 + 1e-9)).all()  # never tighter than it can
 
 
+def test_trail_turns_no_tighter_when_it_is_slow():
+    decision = Trail(CNA).plan(op.Pose(-10.0, 0.0, 3.0), [op.Belief.at(0.0, 0.0, speed=0.3)])  # in its place, the wrong way round
+    assert decision.speed == pytest.approx(0.3)
+    assert decision.turn_rate == pytest.approx(-0.3 / 5.0)
+
+
 def test_trail_keeps_its_place_in_the_current():
     mission = scenario(
         planner={"kind": "trail", "interval": 0.5, "knowledge": "truth"},
@@ -143,11 +149,10 @@ def test_error_ellipse_brings_the_line_of_sight_to_the_long_axis():
 
 
 def test_error_ellipse_at_a_ping_waits_for_the_next_one_however_its_time_is_rounded():
-    plans = {
-        ErrorEllipse(CNA, ping_interval=0.7).plan(op.Pose(9.0, 3.0, 0.5), [uncertain(0.0, 0.0, 1.0)], time=k * 0.7).turn_rate
-        for k in range(200)
-    }
-    assert len(plans) == 1
+    for side in (1.0, -1.0):  # one of them is not what it does when no time is left for any turn to matter
+        planner, pose = ErrorEllipse(CNA, ping_interval=0.7), op.Pose(9.0, 3.0 * side, 0.5 * side)
+        plans = {planner.plan(pose, [uncertain(0.0, 0.0, side)], time=k * 0.7).turn_rate for k in range(200)}
+        assert len(plans) == 1
     with pytest.raises(ValueError, match=r"ping_interval must be positive and finite \[s\], got 0.0"):
         ErrorEllipse(CNA, ping_interval=0.0)
     with pytest.raises(ValueError, match="turn_rates must be at least 2 candidates, got 1"):
