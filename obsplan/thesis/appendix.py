@@ -164,7 +164,7 @@ def found_follower(name: str, policy: str, data: "xr.Dataset") -> Finding:
     rms = dict(zip(data.policy.values, data.policy_rms.values, strict=True))
     other = "Path Inertia" if policy == "Empirical Gramian" else "Empirical Gramian"
     ratio = rms[policy] / rms[other]
-    close = far < FOLLOWS and data.rms_error < LOST
+    close = bool(far < FOLLOWS and data.rms_error < LOST)
     claimed = {
         ("survey-slow", "Path Inertia"): close,
         ("survey-slow", "Empirical Gramian"): bool(ratio > SIMILAR),
@@ -172,7 +172,7 @@ def found_follower(name: str, policy: str, data: "xr.Dataset") -> Finding:
         ("survey-fast", "Empirical Gramian"): close and 1.0 / SIMILAR < ratio < SIMILAR,
     }[name, policy]
     return Finding(
-        agrees=claimed,
+        agrees=bool(claimed),
         sentence=(
             f"{performance(name, policy, data)}. The aid vehicle stays within {far:.1f} m of the AUV and goes round it {rounds:.0f} "
             f"times. The "

@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -83,10 +83,10 @@ def fly_as_campaign(cases: Sequence[tuple[Scenario, range]]) -> list[list[list[f
     return [[_row(table.loc[cells[key].scenario].loc[seed]) for seed in seeds] for key, (_, seeds) in zip(keys, cases, strict=True)]
 
 
-def _row(row: "Mapping[str, object]") -> list[float]:
+def _row(row: Any) -> list[float]:
     """The figures of one mission of a campaign's table."""
-    worst = max(figures["rms_error_m"] for figures in json.loads(str(row["auv"])).values())
-    return [float(value) for value in (row["rms_error_m"], worst, row["max_error_m"], row["separation_mean_m"])]  # pyright: ignore[reportArgumentType]
+    worst = max(figures["rms_error_m"] for figures in json.loads(row["auv"]).values())
+    return [float(value) for value in (row["rms_error_m"], worst, row["max_error_m"], row["separation_mean_m"])]
 
 
 def is_mirrored(run: Run) -> bool:

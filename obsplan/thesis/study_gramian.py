@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 SHARE = 5  # a fifth of the seeds for each case of a study
 SMALL = ("auv.0.survey.legs=3", "auv.0.survey.length=20.0")  # 76 m of survey
 HORIZONS = (1 / 6, 1 / 3, 2 / 3, 1.0, 2.0, 4.0)  # of the smallest circle; the thesis's is two thirds
-EULER_STEPS = (1, 2, 5, 21, 84)  # of the simulated horizon; 21 steps of 0.1 s are the thesis's time step or near it
+EULER_STEPS = (1, 2, 5, 21, 84)  # of the simulated horizon; 21 are of 0.1 s, the time step of these missions
+SAME = 0.15  # relative difference of errors that is none
+MATTERS = 1.3  # ratio of the greatest to the least error from which a choice matters
 PACES = {"survey-fast": "aid vehicle 10 times as fast", "survey-slow": "aid vehicle as fast as the AUV"}
 AGGREGATES = ("mean", "rms", "max")
 METRICS = ("condition-number", "blend", "unobservability-index", "log-det", "trace-inverse")
@@ -128,18 +130,22 @@ def draw_medians(axes: Axes, x: np.ndarray, errors: np.ndarray, paint: str, labe
 
 
 def found_horizon(data: "xr.Dataset") -> Finding:
-    """The best horizon, and what coarse simulation costs."""
+    """What horizon is best, and how fine is fine enough."""
     parts = []
     for name, label in PACES.items():
         median = data.rms_error.sel(scenario=name).median("seed").values
         euler = data.euler_rms_error.sel(scenario=name).median("seed").values
-        best, thesis = int(median.argmin()), HORIZONS.index(2 / 3)
+        best, thesis, factor = int(median.argmin()), HORIZONS.index(2 / 3), median.max() / median.min()
+        coarse = np.flatnonzero(np.abs(euler / euler[-1] - 1.0) > SAME)
+        enough = EULER_STEPS[coarse[-1] + 1] if coarse.size else EULER_STEPS[0]
         parts.append(
-            f"with the {label}, {metres(median[thesis])} at the thesis's two thirds of a circle, least ({metres(median[best])}) at "
-            f"{HORIZONS[best]:.2g} and most ({metres(median.max())}) at {HORIZONS[int(median.argmax())]:.2g} circles; simulated in "
-            f"{', '.join(f'{n}' for n in EULER_STEPS)} Euler steps {', '.join(figure(value) for value in euler)} m"
+            f"{label}: the duration {'hardly matters' if factor < MATTERS else f'matters by a factor of {factor:.1f}'}, "
+            f"{metres(median[best])} at "
+            f"{HORIZONS[best]:.2g} circles, {metres(median[thesis])} at the thesis's two thirds, {metres(median.max())} at worst; from "
+            f"{enough} Euler steps on, more change nothing ({', '.join(figure(e) for e in euler)} m with "
+            f"{', '.join(map(str, EULER_STEPS))})"
         )
-    return Finding(agrees=None, sentence=f"Median RMS error: {'; '.join(parts)}.")
+    return Finding(agrees=None, sentence=f"Median RMS errors, {'; '.join(parts)}.")
 
 
 def formations(*settings: str) -> dict[str, Scenario]:
@@ -193,9 +199,20 @@ def found_aggregate(data: "xr.Dataset") -> Finding:
     parts = []
     for mission in data.mission.values:
         one = data.sel(mission=mission).median("seed")
-        all_, worst = (", ".join(f"{figure(v)}" for v in one[name].values) for name in ("rms_error", "worst_auv_rms"))
-        parts.append(f"{mission}: {all_} m over all, {worst} m for the worst AUV")
-    return Finding(agrees=None, sentence=f"Median RMS error with {', '.join(AGGREGATES)}: {'; '.join(parts)}.")
+        all_, worst = (one[name].sel(aggregate=list(AGGREGATES)).values for name in ("rms_error", "worst_auv_rms"))
+        parts.append(
+            f"{mission}: RMS {against(all_[1] / all_[0])} mean, maximum {against(all_[2] / all_[0])} mean "
+            f"({', '.join(map(figure, all_))} m "
+            f"over all, {', '.join(map(figure, worst))} m for the worst AUV)"
+        )
+    return Finding(agrees=None, sentence=f"Median errors under mean, RMS and maximum. {'; '.join(parts)}.")
+
+
+def against(ratio: float) -> str:
+    """How one error compares with another."""
+    if abs(ratio - 1.0) < SAME:
+        return "as good as the"
+    return f"{ratio:.1f} times the error of the" if ratio > 1.0 else f"{1 - ratio:.0%} better than the"
 
 
 def compute_blend(*, runs: int, seed: int) -> "xr.Dataset":
@@ -217,10 +234,15 @@ def found_blend(data: "xr.Dataset") -> Finding:
     """Whether the blend is better than either."""
     parts = []
     for mission in data.mission.values:
-        median, away = (data[name].sel(mission=mission).median("seed").values for name in ("rms_error", "separation"))
-        each = ", ".join(f"{metric} {figure(m)} m (at {figure(d)} m)" for metric, m, d in zip(METRICS, median, away, strict=True))
-        parts.append(f"{mission}: {each}")
-    return Finding(agrees=None, sentence=f"Median RMS error (mean separation): {'; '.join(parts)}.")
+        one = data.sel(mission=mission, metric=list(METRICS)).median("seed")
+        median, away = one.rms_error.values, one.separation.values
+        each = ", ".join(f"{metric} {figure(m)} m ({figure(d)} m)" for metric, m, d in zip(METRICS, median, away, strict=True))
+        parts.append(
+            f"{mission}: the blend is {against(median[1] / median[0])} condition number and {against(median[1] / median[2])} index; "
+            f"least error "
+            f"by {METRICS[int(median.argmin())]} ({each})"
+        )
+    return Finding(agrees=None, sentence=f"Median RMS error (mean separation). {'; '.join(parts)}.")
 
 
 ITEMS = (

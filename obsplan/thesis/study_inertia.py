@@ -96,7 +96,8 @@ def found_weights(data: "xr.Dataset") -> Finding:
     return Finding(
         agrees=None,
         sentence=(
-            f"With one of three AUVs straying ten times as much, median RMS error over all (of the worst): equal weights "
+            f"{'Yes' if all_[best] < all_[equal] else 'No'}: with one of three AUVs straying ten times as much, median RMS error over "
+            f"all (of the worst): equal weights "
             f"{figure(all_[equal])} ({figure(worst[equal])}) m; the best fixed share for it, {WEIGHTS[best]:.2g}, {figure(all_[best])} "
             f"({figure(worst[best])}) m; all for it {figure(all_[-1])} ({figure(worst[-1])}) m; weights following the covariances "
             f"{figure(dynamic[0])} ({figure(dynamic[1])}) m. Since path inertia sees the AUVs only through their weighted centroid, "
@@ -161,10 +162,11 @@ def found_curvature(data: "xr.Dataset") -> Finding:
         agrees=None,
         sentence=(
             f"From an obtuse start it holds the angle to the line of sight: a logarithmic spiral, whose distance grows in proportion to "
-            f"time (to "
-            f"{off:.2f} m), {last[2]:.0f} m after {data.time[-1]:.0f} s where the difference of eigenvalues leads to {last[0]:.0f} m "
-            f"and with γ = 1 to {last[1]:.1f} m; its mean κ(J) is {mean[2]:.2f}, against {mean[0]:.2f} and {mean[1]:.2f}: what it gains is "
-            f"not worth the distance. In surveys, median RMS error (mean separation) with {', '.join(RULES)}: {'; '.join(parts)}."
+            f"time (to {off:.2f} m), {last[2]:.0f} m after {data.time[-1]:.0f} s where the difference of eigenvalues leads to "
+            f"{last[0]:.0f} m "
+            f"and with γ = 1 to {last[1]:.1f} m; its κ(J), the least at each instant, averages {mean[2]:.2f} over its own path, theirs "
+            f"{mean[0]:.2f} and {mean[1]:.2f}. "
+            f"In surveys, median RMS error (mean separation) with {', '.join(RULES)}: {'; '.join(parts)}."
         ),
     )
 
