@@ -86,11 +86,12 @@ def stage_blocks(shape: Shape) -> dict[str, tuple[int, int]]:
     return {
         "duration": (1, 1),
         "reach": (1, int(shape.slew)),
-        "margin": (2, 1),  # of areas and of separations, for what lies between the points looked at
+        "look": (1, int(shape.limited)),  # time from the stage's beginning at which the limits are looked at beside its end
+        "margin": (3, int(shape.limited)),  # of areas, least and greatest separation, for what lies between the points looked at
         "pings": (1, int(covariance)),
         "course": (3, shape.auvs if covariance else 0),  # cos and sin of the heading, speed
         "there": (2, shape.auvs * (1 if covariance else 3 if moving else 0)),  # AUVs at the end; or at start, middle and end
-        "neighbour": (2, 2 * shape.neighbours),  # at the middle and the end
+        "neighbour": (2, 2 * shape.neighbours),  # at the look and the end
     }
 
 
@@ -228,18 +229,18 @@ def _log_above(z: SX, floor: SX) -> SX:
 
 def limits(x: SX, u: SX, s: dict[str, SX], g: dict[str, SX], shape: Shape, *, last: bool) -> tuple[list[SX], list[SX]]:
     """What has to be at least 0 in a stage: what may be softened [lengths], and the vehicle's own limits."""
-    poses = moved(x, u, shape, s["duration"])[1:]
-    soft, hard = [], []
-    for at, pose in enumerate(poses):
-        soft += [c - s["margin"][0] for c in _clearances(pose[:2], g, shape, ca.SX(0.0))]
+    soft, hard, end = [], [], arc(x[:3], u[0], u[1] if shape.free_speed else 1.0, s["duration"])
+    for at, time in enumerate((s["look"], s["duration"]) if shape.limited else ()):
+        p = arc(x[:3], u[0], u[1] if shape.free_speed else 1.0, time)[:2]
+        soft += [c - s["margin"][0] for c in _clearances(p, g, shape, ca.SX(0.0))]
         there = s["neighbour"][:, at * shape.neighbours : (at + 1) * shape.neighbours]
         for k in range(shape.neighbours):
-            d2 = ca.sumsqr(pose[:2] - there[:, k])
+            d2 = ca.sumsqr(p - there[:, k])
             soft += [(d2 - g["least"] ** 2) / (2 * g["least"]) - s["margin"][1]] if shape.least else []
-            soft += [(g["greatest"] ** 2 - d2) / (2 * g["greatest"]) - s["margin"][1]] if shape.greatest else []
+            soft += [(g["greatest"] ** 2 - d2) / (2 * g["greatest"]) - s["margin"][2]] if shape.greatest else []
     if last and not g["side"].is_empty():
-        end = poses[1]
-        soft += _clearances(end[:2] + g["side"] * g["radius"] * ca.vertcat(-ca.sin(end[2]), ca.cos(end[2])), g, shape, g["radius"])
+        center = end[:2] + g["side"] * g["radius"] * ca.vertcat(-ca.sin(end[2]), ca.cos(end[2]))
+        soft += [c - s["margin"][0] for c in _clearances(center, g, shape, g["radius"])]
     if shape.slew:
         hard += [s["reach"] - u[0] + x[3], s["reach"] + u[0] - x[3]]
     if shape.free_speed:

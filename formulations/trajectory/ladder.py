@@ -1,9 +1,10 @@
 """From the best manoeuvre to the optimum, one rung after the other; what is taken is at least as good as what it replaces.
 
 A solver's answer counts only if it says it succeeded, the limits hold along the path followed anew (to ``TOLERANCE``), and its score,
-computed anew, is no worse than the best manoeuvre's. Otherwise the next rung: fatrop from the last trajectory, fatrop from the best
-manoeuvre, IPOPT from there, the best manoeuvre itself. The second rung starts from the best of each kind of manoeuvre, since programs like
-these have several optima. Where the best manoeuvre already breaks a limit, whatever breaks limits less is better than it.
+computed anew, is no worse than the best manoeuvre's, the program's margins counted for both. Otherwise the next rung: fatrop from the last
+trajectory, fatrop from the best manoeuvre, IPOPT from there, the best manoeuvre itself. The second rung starts from the best of each kind
+of manoeuvre, since programs like these have several optima. Where the best manoeuvre already breaks a limit, whatever breaks limits less is
+better than it.
 """
 
 from collections.abc import Callable
@@ -20,7 +21,7 @@ from .rollout import Path, condition_numbers, follow, gramians, ramped, scores
 from .task import Task, in_body_frame
 
 TOLERANCE = 1e-5  # by which a limit may be broken [m]
-WORSE = 1e-9  # by which a score may be worse, of 1 or of itself
+WORSE = 1e-6  # by which a score may be worse, of its unit or of itself: what solvers leave of an optimum they were given
 CHECKS = 8  # points of each stage at which the limits are checked in the end
 
 
@@ -102,8 +103,8 @@ def optimise(
     for starts, solver, status in _rungs(tried, k, best, warm=last is not None):
         if hurry():
             break
-        found = [_solved(search, solver, tried.one(i), float(tried.side[i]), max_iterations) for i in starts]
-        better = [one for one in found if one is not None and _no_worse(one, best)]
+        found = [_solved(search, solver, tried.one(i), float(tried.side[i]), best, max_iterations) for i in starts]
+        better = [one for one in found if one is not None]
         if better:
             taken = min(better, key=lambda one: (max(one.excess[0], TOLERANCE), one.score[0]))
             return _outcome(search, taken, status if taken.violation[0] <= TOLERANCE else Status.SOFTENED)
@@ -128,22 +129,20 @@ def _of_each_kind(tried: Candidates, best: int) -> list[int]:
     return [int(score.argmin()) for score in found if np.isfinite(score.min())]
 
 
-def _solved(search: Search, name: str, start: Controls, side: float, max_iterations: int) -> Candidates | None:
-    """The answer of a solver, followed anew; None if it failed."""
-    shape, parameters = setting(search.body, search.heard, start, search.objective, side)
+def _solved(search: Search, solver: str, start: Controls, side: float, best: Candidates, max_iterations: int) -> Candidates | None:
+    """The answer of a solver, followed anew; None if it failed, or is worse than the best manoeuvre."""
+    fed = setting(search.body, search.heard, start, search.objective, side)
+    compiled = program(fed.shape, max_iterations)
     slow, fast = search.body.speed
     limit = fast / search.body.min_turn_radius
-    found = program(shape, max_iterations).solve(name, start, parameters, np.array([[-limit, slow], [limit, fast]]))
-    if found is None:
+    answer = compiled.solve(solver, start, fed.parameters, np.array([[-limit, slow], [limit, fast]]))
+    if answer is None:
         return None
-    return _judged(search, ramped(search.body, found.turn_rates[None], found.speeds[None]), found.speeds[None], CHECKS)
-
-
-def _no_worse(found: Candidates, best: Candidates) -> bool:
+    found = _judged(search, ramped(search.body, answer.turn_rates[None], answer.speeds[None]), answer.speeds[None], CHECKS)
     if best.violation[0] > TOLERANCE:
-        return bool(found.violation[0] <= TOLERANCE or found.excess[0] <= best.excess[0])
-    bar = best.score[0] + WORSE * max(1.0, abs(best.score[0]))
-    return bool(found.violation[0] <= TOLERANCE and found.score[0] <= bar)
+        return found if found.violation[0] <= TOLERANCE or found.excess[0] <= best.excess[0] else None
+    merit, bar = (one.score[0] + fed.unit * compiled.penalty(one.one(0), fed.parameters) for one in (found, best))
+    return found if found.violation[0] <= TOLERANCE and merit <= bar + WORSE * max(fed.unit, abs(bar)) else None
 
 
 def _best(search: Search, tried: Candidates) -> int:

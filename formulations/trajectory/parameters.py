@@ -23,6 +23,7 @@ class Setting(NamedTuple):
 
     shape: Shape
     parameters: Float[np.ndarray, " n"]
+    unit: float  # of the score, in the program's objective
 
 
 def setting(task: Task, heard: Task, start: Controls, objective: str, side: float) -> Setting:
@@ -48,9 +49,12 @@ def setting(task: Task, heard: Task, start: Controls, objective: str, side: floa
         slew=task.reach is not None,
         free_speed=task.speed[0] < task.speed[1],
     )
-    whole = _flat(_of_task(task, heard, path, shape, side), task_blocks(shape), 1)
+    unit = 1.0
+    if objective == "covariance":
+        unit = max(float(scores(heard, path, objective)[0] @ heard.weights), np.finfo(float).eps * task.ranging.sigma**2)
+    whole = _flat(_of_task(task, heard, path, shape, side=side, unit=unit), task_blocks(shape), 1)
     stages = _flat(_of_stages(task, heard, shape, near), stage_blocks(shape), shape.stages)
-    return Setting(shape, np.concatenate([whole.ravel(), stages.ravel()]))
+    return Setting(shape, np.concatenate([whole.ravel(), stages.ravel()]), unit)
 
 
 def _flat(blocks: dict[str, np.ndarray], sizes: dict[str, tuple[int, int]], stages: int) -> Float[np.ndarray, "{stages} n"]:
@@ -66,6 +70,7 @@ def chosen(task: Task, which: np.ndarray) -> Task:
         speeds=task.speeds[:, which],
         covariance=task.covariance[which],
         process_noise=task.process_noise[which],
+        spread=task.spread[which],
         weights=task.weights[which],
     )
 
@@ -88,12 +93,10 @@ def _neighbours(task: Task, path: Path) -> np.ndarray:
     return np.sort(np.argsort(room, kind="stable")[:MOST_NEIGHBOURS])
 
 
-def _of_task(task: Task, heard: Task, path: Path, shape: Shape, side: float) -> dict[str, np.ndarray]:
+def _of_task(task: Task, heard: Task, path: Path, shape: Shape, *, side: float, unit: float) -> dict[str, np.ndarray]:
     """Blocks of the task, each by columns."""
-    unit = 1.0
     blocks = {"start": np.zeros(shape.accumulated)}
     if shape.objective == "covariance":
-        unit = max(float(scores(heard, path, "covariance")[0] @ heard.weights), np.finfo(float).eps * task.ranging.sigma**2)
         rows, cols = np.transpose(TRIANGLE)
         blocks["start"] = heard.covariance[:, rows, cols].ravel() / unit
         floor = np.empty((0, 2))
@@ -131,26 +134,39 @@ def _sharpness(lines: Float[np.ndarray, "J 3"]) -> float:
 
 def _of_stages(task: Task, heard: Task, shape: Shape, near: np.ndarray) -> dict[str, np.ndarray]:
     """Blocks of all stages, the stages first, each block by columns."""
-    N, middle, end = shape.stages, slice(1, None, 2), slice(2, None, 2)
-    ends = [end] if shape.objective == "covariance" else [slice(0, -1, 2), middle, end]
-    course = np.stack([np.cos(heard.headings), np.sin(heard.headings), heard.speeds], axis=-1)
+    start, middle, end = slice(0, -1, 2), slice(1, None, 2), slice(2, None, 2)
+    ends = [end] if shape.objective == "covariance" else [start, middle, end]
+    looks = _looks(task)
+    f = (looks / task.durations)[:, None, None]
+    p0, p1, p2 = (task.positions[at][:, near] for at in (start, middle, end))
+    looked = p0 * (1 - f) * (1 - 2 * f) + p1 * 4 * f * (1 - f) + p2 * f * (2 * f - 1)
     return {
         "duration": task.durations,
-        "reach": np.zeros(N) if task.reach is None else task.reach,
+        "reach": np.zeros(shape.stages) if task.reach is None else task.reach,
+        "look": looks,
         "margin": _margins(task, near),
         "pings": task.pings,
-        "course": course,
+        "course": np.stack([np.cos(heard.headings), np.sin(heard.headings), heard.speeds], axis=-1),
         "there": np.concatenate([heard.positions[at] for at in ends], axis=1),
-        "neighbour": np.concatenate([task.positions[at][:, near] for at in (middle, end)], axis=1),
+        "neighbour": np.concatenate([looked, p2], axis=1),
     }
 
 
-def _margins(task: Task, near: np.ndarray) -> Float[np.ndarray, "N 2"]:
-    """How far a path may come nearer between two points: the sagitta of its chord, bent against the boundary as both can be."""
-    h = 0.5 * task.durations * task.speed[1]
-    bulge = h**2 / 8 / task.min_turn_radius
-    area = h**2 / 8 / task.areas.discs[:, 2].min() if len(task.areas.discs) else np.zeros_like(h)
-    way = np.linalg.norm(np.diff(task.positions[:, near], axis=0), axis=-1).max(axis=1, initial=0.0)
-    apart = h + np.maximum(way[::2], way[1::2])
-    separation = apart**2 / 8 / task.least if task.least > 0 else np.zeros_like(h)
-    return np.stack([bulge + area, bulge + separation], axis=-1)
+def _looks(task: Task) -> Float[np.ndarray, " N"]:
+    """When limits are looked at: in the middle of what the stage was when it was whole, so that a trajectory that was right stays so."""
+    before_end = 0.5 * task.durations.max()
+    return np.where(task.durations > before_end, task.durations - before_end, task.durations)
+
+
+def _margins(task: Task, near: np.ndarray) -> Float[np.ndarray, "N 3"]:
+    """How far a path may come nearer between two points: the sagitta of its chord, bent against the boundary as both can be.
+
+    Separations are given room for straying AUVs besides.
+    """
+    h = 0.5 * task.durations.max()
+    bulge = np.full_like(task.durations, h**2 / 8 / task.min_turn_radius)
+    area = bulge + (h**2 / 8 / task.areas.discs[:, 2].min() if len(task.areas.discs) else 0.0)
+    way = np.linalg.norm(np.diff(task.positions[::2, near], axis=0), axis=-1).max(axis=1, initial=0.0)
+    apart = h * (1 + way / task.durations)
+    spread = bulge + task.spread[near].max(initial=0.0)
+    return np.stack([area, spread + (apart**2 / 8 / task.least if task.least > 0 else 0.0), spread], axis=-1)

@@ -107,13 +107,31 @@ class Program:
         given = np.stack([start.turn_rates, start.speeds][: 1 + free])
         lower, upper = self._bounds(bounds)
         solver = self._solver(name)
-        found = solver(x0=self._guess(given, parameters), p=parameters, lbx=lower, ubx=upper, lbg=0.0, ubg=self._rows[1])
-        stats = solver.stats()
-        if not stats["success"]:
+        try:
+            found = solver(x0=self._guess(given, parameters), p=parameters, lbx=lower, ubx=upper, lbg=0.0, ubg=self._rows[1])
+        except RuntimeError:  # whatever a solver stumbles over is a reason to try the next
+            return None
+        if not solver.stats()["success"]:
             return None
         stages = found["x"].full().ravel()[: -self.nx].reshape(self.shape.stages, self.nx + self.nu)
         u = np.clip(stages[:, self.nx : self.nx + 1 + free], *bounds[:, : 1 + free])
         return Controls(u[:, 0], u[:, 1] if free else start.speeds) if np.isfinite(u).all() else None
+
+    def penalty(self, controls: Controls, parameters: Float[np.ndarray, " n"]) -> float:
+        """What breaking the limits, margins included, costs a sequence in the program's objective."""
+        given = np.stack([controls.turn_rates, controls.speeds][: 1 + self.shape.free_speed])
+        return float(self._penalty(given, parameters))
+
+    @cached_property
+    def _penalty(self) -> ca.Function:
+        """(controls without slack, parameters) -> cost of the slacks they need."""
+        given = ca.SX.sym("u", 1 + self.shape.free_speed, self.shape.stages)  # pyright: ignore[reportArgumentType, reportCallIssue]
+        x, cost = self._start, ca.SX(0.0)
+        for k, (_, s) in enumerate(self._stages):
+            soft, _ = limits(x, given[:, k], s, self._task, self.shape, last=k == self.shape.stages - 1)
+            cost += self._task["slack_weight"] * s["duration"] * ca.fmax(0.0, -ca.mmin(ca.vertcat(*soft))) if soft else 0.0
+            x = dynamics(x, given[:, k], s, self._task, self.shape)
+        return ca.Function("penalty", [given, self._p], [cost])
 
     def _bounds(self, bounds: Float[np.ndarray, "2 2"]) -> Float[np.ndarray, "2 n"]:
         limit = np.full((2, self.shape.stages, self.nx + self.nu), [[[-np.inf]], [[np.inf]]])

@@ -29,6 +29,7 @@ class Task(NamedTuple):
     speeds: Float[np.ndarray, "N M"]  # of the AUVs through the water [m/s]
     covariance: Float[np.ndarray, "M 4 4"]  # of each AUV's state now
     process_noise: Float[np.ndarray, "M 4"]  # standard deviations per square root of a second
+    spread: Float[np.ndarray, " M"]  # by which an AUV may stray from its expected position before the path can answer [m]
     weights: Float[np.ndarray, " M"]
     ranging: Ranging
     areas: Areas
@@ -72,6 +73,7 @@ def in_body_frame(task: Task) -> Task:
         speeds=task.speeds * time / length,
         covariance=T @ task.covariance @ T.T,
         process_noise=task.process_noise * unit * np.sqrt(time),
+        spread=task.spread / length,
         weights=task.weights / task.weights.sum(),
         ranging=Ranging(task.ranging.sigma / (length**2 if squared else length), squared),
         areas=in_frame(task.areas, task.pose[:2], float(task.pose[2]), length),

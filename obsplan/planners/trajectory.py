@@ -17,6 +17,7 @@ from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
 LEAST_PINGS = 3  # within the horizon, however rare they are
+SURE = 3.0  # standard deviations by which an AUV is taken to stray within a stage
 ROUNDING = 1e-6  # of an interval, by which a time may miss a multiple of it
 
 Objective = Literal["covariance", "log-det", "smallest-eigenvalue", "condition-number"]
@@ -34,6 +35,8 @@ class Trajectory:
     followed; the present one may have begun. Every trajectory leaves one of the smallest circles at its end free of keep-outs and within
     the geofence, so that there is always one to follow. Where limits cannot be kept they are softened, and the status says so; it also
     says which rung of the ladder the trajectory is from.
+
+    Separations are kept from where AUVs are expected, with room for what they may stray within a stage.
 
     A planner remembers its last trajectory to start from, as long as time goes on: asked again at the same time or an earlier one, or
     later than the trajectory lasts, it starts afresh.
@@ -137,6 +140,8 @@ class Trajectory:
         headings = np.where(still, [auv.mean[2] for auv in auvs], np.arctan2(water[..., 1], water[..., 0]))
         pings = np.floor((time + ends) / self.ping_interval + ROUNDING)
         reach = None if self.max_turn_acceleration is None else np.full(self.stages, self.max_turn_acceleration * self.decision_interval)
+        noise = np.array([auv.process_noise for auv in auvs])
+        drift = noise[:, 0] + durations[-1] * (speeds.max(axis=0) * noise[:, 1] + noise[:, 2])
         return Task(
             pose=np.array([pose.x, pose.y, pose.heading]),
             turn_rate=pose.turn_rate,
@@ -149,7 +154,8 @@ class Trajectory:
             headings=headings,
             speeds=speeds,
             covariance=np.array([auv.covariance for auv in auvs]),
-            process_noise=np.array([[noise[0], noise[0], noise[1], noise[2]] for noise in (auv.process_noise for auv in auvs)]),
+            process_noise=noise[:, [0, 0, 1, 2]],
+            spread=SURE * drift * np.sqrt(durations[-1]),
             weights=np.array([auv.weight for auv in auvs], dtype=float),
             ranging=Ranging(self.sigma, self.ranging_kind == "squared-range"),
             areas=self._areas,
