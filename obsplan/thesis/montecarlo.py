@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 FIGURES = {"rms_error": "RMS error over all AUVs", "worst_auv_rms": "RMS error of the worst AUV", "max_error": "greatest error"}
 FIGURES |= {"separation": "mean distance to the aid vehicle"}  # all in metres
-WORTH_A_CLUSTER = 1_500_000  # steps in all; fewer are sooner done here than the workers are there
+WORTH_A_CLUSTER = 10_000_000  # steps in all; fewer are sooner done here than workers have started and built every case
 Z95 = 1.96  # of a normal distribution, 95 % within
 
 Cases = Mapping[tuple[str, ...], Scenario]
