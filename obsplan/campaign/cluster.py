@@ -14,7 +14,11 @@ PATIENCE = 30.0  # [s] for the scheduler to answer, and for its first worker
 DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"  # Ctrl-C is for the process that started the workers and ends them
 
 
-FORGETFUL = {"distributed.admin.low-level-log-length": 10}  # else a client keeps its last thousand messages, each with a scenario
+SETTINGS = {
+    "distributed.admin.low-level-log-length": 10,  # else a client keeps its last thousand messages, each with a scenario
+    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None,  # else memory goes back after each mission: 15 % of the time
+    "distributed.worker.profile.enabled": False,  # a sample of every worker's stack each 10 ms, which nobody looks at
+}
 
 
 @contextmanager
@@ -31,7 +35,7 @@ def connected(*, workers: int | None, most: int, scheduler: str | None) -> Itera
     from dask.system import CPU_COUNT
 
     where = local(min(workers or CPU_COUNT, most)) if scheduler is None else remote(scheduler)
-    with config.set(FORGETFUL), where as client:
+    with config.set(SETTINGS), where as client:
         yield client
 
 
@@ -50,6 +54,7 @@ def remote(address: str) -> Iterator["Client"]:
     """A client of the cluster at an address."""
     from distributed import Client
 
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # most faults mend themselves; of the others we hear
     try:
         client = Client(address, timeout=PATIENCE)
     except (OSError, ValueError, TimeoutError) as error:

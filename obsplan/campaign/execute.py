@@ -95,7 +95,8 @@ def claimed(folder: Path) -> Path:
     """The folder of a campaign, new or to be resumed."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        if not (folder / FILE).exists() and any(folder.iterdir()):
+        inside = {path.name for path in folder.iterdir()}  # looked at once: another campaign may be making its store
+        if inside and FILE not in inside:
             raise ObsplanError(f"{folder} holds something that is not a campaign; give another folder with --out")
     except OSError as error:
         raise ObsplanError(f"{folder} cannot be made ({error.strerror}); give another folder with --out") from error
