@@ -143,6 +143,7 @@ def between(run, points=11):
         yield from ((run.time[k] + t, arc(pose, turn, speed, t)[:2]) for t in np.linspace(0.0, run.time[k + 1] - run.time[k], points))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("knowledge", "interval"), [("estimate", 1.0), ("survey", 2.0)])
 def test_keeps_out_and_within_the_fence_also_between_decisions(knowledge, interval):
     options = {"kind": "information", "interval": interval, "knowledge": knowledge}
