@@ -20,7 +20,7 @@ FILE = "campaign.sqlite"
 FORMAT = 0x6F627331  # "obs1": how the file says that it is ours, and in which layout
 PATIENCE = 600.0  # [s] to wait for another campaign's commit or export
 BLOCK = 10_000  # seeds or rows looked at together: memory does not grow with the campaign
-FIGURES = ("rms_error_m", "max_error_m", "mean_nees", "pcrb_rms_m", "separation_mean_m", "separation_max_m")
+FIGURES = ("rms_error_m", "max_error_m", "mean_nees", "pcrb_rms_m", "separation_mean_m", "separation_max_m", "violation_max_m")
 
 LAYOUT = (
     "CREATE TABLE scenario (name TEXT PRIMARY KEY, base TEXT NOT NULL)",  # as last planned
