@@ -7,6 +7,7 @@ journal rather than a write-ahead log: the log needs memory shared between proce
 
 import json
 import sqlite3
+import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,7 +18,6 @@ from obsplan.campaign.worker import Outcome
 from obsplan.types import ObsplanError
 
 FILE = "campaign.sqlite"
-FORMAT = 0x6F627331  # "obs1": how the file says that it is ours, and in which layout
 PATIENCE = 600.0  # [s] to wait for another campaign's commit or export
 BLOCK = 10_000  # seeds or rows looked at together: memory does not grow with the campaign
 FIGURES = ("rms_error_m", "max_error_m", "mean_nees", "pcrb_rms_m", "separation_mean_m", "separation_max_m", "violation_max_m")
@@ -30,8 +30,8 @@ LAYOUT = (
     f"""CREATE TABLE mission (cell INTEGER NOT NULL REFERENCES cell, seed INTEGER NOT NULL, error TEXT,
        {", ".join(f"{name} REAL" for name in FIGURES)}, auv TEXT NOT NULL, status_counts TEXT NOT NULL,
        PRIMARY KEY (cell, seed)) WITHOUT ROWID""",
-    f"PRAGMA application_id = {FORMAT}",
 )
+FORMAT = zlib.crc32("".join(LAYOUT).encode()) >> 1  # how the file says that it is ours, and in this layout
 COLUMNS = ("cell", "seed", "error", *FIGURES, "auv", "status_counts")
 # a success stays; a failure gives way to the next attempt
 ADD = f"""INSERT INTO mission ({", ".join(COLUMNS)}) VALUES ({", ".join("?" * len(COLUMNS))})
@@ -72,7 +72,7 @@ class Store:
                 return
             if self._one("SELECT count(*) FROM sqlite_master"):
                 raise ObsplanError(f"{self.path} is not a store of this version's campaigns; choose another folder")
-            for statement in LAYOUT:
+            for statement in (*LAYOUT, f"PRAGMA application_id = {FORMAT}"):
                 self._connection.execute(statement)
 
     def enter(self, cells: Iterable[Cell]) -> list[int]:
