@@ -9,7 +9,7 @@ import tracemalloc
 import numpy as np
 import pandas as pd
 import pytest
-from campaigns import DIVERGES, PLANNERS, VARY, cluster, finish, start, tables, write_scenario
+from campaigns import DIVERGES, PLANNERS, cluster, finish, start, tables, write_scenario
 
 from obsplan import load_campaign
 from obsplan.campaign import fly_campaign, plan_cells
@@ -89,7 +89,8 @@ def test_two_different_scenarios_of_one_name_are_refused(tmp_path, pond):
 
 
 def test_table_is_what_simulate_says_of_each_mission_in_order(tmp_path, pond, address):
-    report = fly_campaign(plan_cells([pond], planners=PLANNERS, vary=VARY, runs=3), tmp_path / "out", scheduler=address)
+    cells = plan_cells([pond], planners=PLANNERS[::-1], vary=["cna.speed=3.0,1.5"], runs=3)
+    report = fly_campaign(cells, tmp_path / "out", scheduler=address)
     assert (report.missions, report.flown, report.failed) == (12, 12, 0)
     table = load_campaign(tmp_path / "out")
     labels = list(zip(table["planner"], table["cna.speed"], table["seed"], strict=True))
