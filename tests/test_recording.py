@@ -20,7 +20,7 @@ LAT, LON = 47.629, -122.337  # of harbor-survey's origin
 
 @pytest.fixture(scope="module")
 def run():
-    return simulate(load("harbor-survey", settings=["duration=60.0"]), seed=3)
+    return simulate(load("harbor-survey", planner="path-inertia", settings=["duration=60.0"]), seed=3)
 
 
 @pytest.fixture(scope="module")
