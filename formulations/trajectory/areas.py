@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import ConvexHull
 
-FLAT = 1e-9  # depth of a pocket, relative to the fence, below which its corners lie on a line
+FLAT = 1e-9  # of a fence: a corner this near to its hull is on it
 
 
 class Areas(NamedTuple):
@@ -50,18 +50,12 @@ def hull_lines(points: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "J 3"]:
 
 
 def _pockets(corners: Float[np.ndarray, "n 2"]) -> list[Float[np.ndarray, "_ 2"]]:
-    """Corners of each part of the hull that a simple polygon leaves out: from one hull corner to the next, where others lie between."""
-    on_hull = np.sort(ConvexHull(corners).vertices)
+    """Corners of each part of the hull that a simple polygon leaves out: from one corner on it to the next, where others lie between."""
+    lines = hull_lines(corners)
+    depth = np.min(lines[:, 2] - corners @ lines[:, :2].T, axis=1)
+    on_hull = np.flatnonzero(depth < FLAT * np.ptp(corners, axis=0).max())
     ends = np.append(on_hull[1:], on_hull[0] + len(corners))
-    pockets = [corners[np.arange(a, b + 1) % len(corners)] for a, b in zip(on_hull, ends, strict=True) if b - a > 1]
-    return [pocket for pocket in pockets if _depth(pocket) > FLAT * np.ptp(corners, axis=0).max()]
-
-
-def _depth(pocket: Float[np.ndarray, "n 2"]) -> float:
-    """Greatest distance of a pocket's corners from the line between its first and last."""
-    chord = pocket[-1] - pocket[0]
-    off = pocket - pocket[0]
-    return float(np.abs(chord[0] * off[:, 1] - chord[1] * off[:, 0]).max() / np.hypot(*chord))
+    return [corners[np.arange(a, b + 1) % len(corners)] for a, b in zip(on_hull, ends, strict=True) if b - a > 1]
 
 
 def in_frame(areas: Areas, origin: Float[np.ndarray, "2"], heading: float, length: float) -> Areas:

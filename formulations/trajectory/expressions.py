@@ -182,7 +182,8 @@ def _updated(P: SX, x: SX, pings: SX, variance: SX, excess: SX, *, squared: bool
     Px = P[:, :2] @ x
     along, across = ca.dot(x, Px[:2]), ca.dot(y, P[:2, :2] @ y)
     if squared:
-        noise = variance / 4 + pings * excess * (3 * along**2 + 3 * across**2 + 2 * along * across) / (4 * d2**2)
+        second = (P[0, 0] + P[1, 1]) ** 2 + 2 * ca.sumsqr(P[:2, :2])
+        noise = (variance + pings * excess * second) / 4
     else:
         noise = variance * d2 + pings * excess * 0.75 * across**2 / d2**2
     return P - pings / (noise + pings * along) * Px @ Px.T

@@ -13,6 +13,7 @@ from .task import Task
 CONSTANT = 21  # turns held over the horizon
 PAIRED = 7  # turns held over half of it, each followed by each
 BRANCHES, LEVELS, BEAM = 7, 5, 16  # of the search for covariances
+NO_PING = 1e-9  # ranges, which tell it nothing
 
 
 def manoeuvres(
@@ -56,7 +57,7 @@ def _searched(task: Task, violation: Violation | None) -> Float[np.ndarray, " N"
         tracks=Tracks(task.positions[2 * ends + 2], np.arctan2(mean[..., 1], mean[..., 0]), np.hypot(mean[..., 0], mean[..., 1])),
         process_noise=task.process_noise,
         weights=task.weights,
-        stages=Stages(duration, np.array([task.pings[group].sum() for group in groups])),
+        stages=Stages(duration, np.array([max(task.pings[group].sum(), NO_PING) for group in groups])),
         turn_rates=turn_candidates(task.speed[1] / task.min_turn_radius, BRANCHES),
         speed=task.speed[1],
         ranging=task.ranging,

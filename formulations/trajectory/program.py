@@ -45,17 +45,20 @@ class Program:
 
     @cached_property
     def _nlp(self) -> dict[str, SX]:
-        """Variables x0, u0, x1, u1, ...; after each gap x1 - F(x0, u0) the stage's rows, the first of them x0 - start."""
-        X = [ca.SX.sym(f"x{k}", self.nx) for k in range(self.shape.stages + 1)]  # pyright: ignore[reportArgumentType, reportCallIssue]
+        """Variables u0, x1, u1, x2, ...; rows: after each gap x1 - F(x0, u0) the stage's limits.
+
+        The first state is no variable. So there is no equality beside the dynamics, whose rank is full: fatrop 1.1 adds the same dual
+        correction again and again, and never returns, where its restoration finds others deficient.
+        """
+        X = [self._start, *(ca.SX.sym(f"x{k}", self.nx) for k in range(1, self.shape.stages + 1))]  # pyright: ignore[reportArgumentType, reportCallIssue]
         U = [ca.SX.sym(f"u{k}", self.nu) for k in range(self.shape.stages)]  # pyright: ignore[reportArgumentType, reportCallIssue]
         cost, rows = final_cost(X[-1], self._task, self.shape), []
         total = sum(s["duration"] for _, s in self._stages)
         for k, (_, s) in enumerate(self._stages):
             cost += running_cost(X[k + 1], s["duration"] / total, self._task, self.shape)
             cost += self._task["slack_weight"] * U[k][-1] * s["duration"] if self.shape.limited else 0.0
-            rows += [X[k + 1] - dynamics(X[k], U[k], s, self._task, self.shape), *([X[0] - self._start] if k == 0 else [])]
-            rows += self._limits(X[k], U[k], k)
-        variables = ca.vertcat(*(v for pair in zip(X[:-1], U, strict=True) for v in pair), X[-1])
+            rows += [X[k + 1] - dynamics(X[k], U[k], s, self._task, self.shape), *self._limits(X[k], U[k], k)]
+        variables = ca.vertcat(*(v for pair in zip(U, X[1:], strict=True) for v in pair))
         return {"x": variables, "p": self._p, "f": cost, "g": ca.vertcat(*rows)}
 
     def _limits(self, x: SX, u: SX, k: int) -> list[SX]:
@@ -67,21 +70,22 @@ class Program:
         """Number of rows of each stage beside its gap, and the upper bounds of all; the lower ones are 0."""
         x, u = ca.SX.zeros(self.nx), ca.SX.zeros(self.nu)
         limited = [len(self._limits(x, u, k)) for k in range(self.shape.stages)]
-        counts = [n + (self.nx if k == 0 else 0) for k, n in enumerate(limited)]
-        upper = [[0.0] * (self.nx * (1 + (k == 0))) + [np.inf] * n for k, n in enumerate(limited)]
-        return [*counts, 0], np.concatenate(upper)
+        upper = [[0.0] * self.nx + [np.inf] * n for n in limited]
+        return [*limited, 0], np.concatenate(upper)
 
     @cached_property
-    def _guess(self) -> ca.Function:
-        """(controls without slack, parameters) -> variables: the states that follow, and the slacks they need."""
+    def _follow(self) -> ca.Function:
+        """(controls without slack, parameters) -> variables: the states that follow, and the slacks they need; what these cost."""
         given = ca.SX.sym("u", 1 + self.shape.free_speed, self.shape.stages)  # pyright: ignore[reportArgumentType, reportCallIssue]
-        x, variables = self._start, []
+        x, variables, cost = self._start, [], ca.SX(0.0)
         for k, (_, s) in enumerate(self._stages):
             soft, _ = limits(x, given[:, k], s, self._task, self.shape, last=k == self.shape.stages - 1)
-            slack = [ca.fmax(0.0, -ca.mmin(ca.vertcat(*soft))) + SLACK_START] if self.shape.limited else []
-            variables += [x, given[:, k], *slack]
-            x = dynamics(x, given[:, k], s, self._task, self.shape)
-        return ca.Function("guess", [given, self._p], [ca.vertcat(*variables, x)])
+            x, slack = dynamics(x, given[:, k], s, self._task, self.shape), []
+            if self.shape.limited:
+                broken = ca.fmax(0.0, -ca.mmin(ca.vertcat(*soft)))
+                cost, slack = cost + self._task["slack_weight"] * s["duration"] * broken, [broken + SLACK_START]
+            variables += [given[:, k], *slack, x]
+        return ca.Function("follow", [given, self._p], [ca.vertcat(*variables), cost])
 
     @cached_property
     def _solvers(self) -> dict[str, ca.Function]:
@@ -96,7 +100,7 @@ class Program:
                 options = {**plain, "ipopt": {**own, "sb": "yes"}}
             else:
                 N = self.shape.stages
-                structure = {"N": N, "nx": [self.nx] * (N + 1), "nu": [self.nu] * N + [0], "ng": self._rows[0]}
+                structure = {"N": N, "nx": [0] + [self.nx] * N, "nu": [self.nu] * N + [0], "ng": self._rows[0]}
                 options = {**plain, "structure_detection": "manual", **structure, "fatrop": {**own, "mu_init": FIRST_BARRIER}}
             self._solvers[name] = ca.nlpsol("trajectory", name, self._nlp, options)
         return self._solvers[name]
@@ -108,39 +112,28 @@ class Program:
         lower, upper = self._bounds(bounds)
         solver = self._solver(name)
         try:
-            found = solver(x0=self._guess(given, parameters), p=parameters, lbx=lower, ubx=upper, lbg=0.0, ubg=self._rows[1])
+            guess = self._follow(given, parameters)[0].full()
+            if not (np.isfinite(parameters).all() and np.isfinite(guess).all()):  # which fatrop does not return from either
+                return None
+            found = solver(x0=guess, p=parameters, lbx=lower, ubx=upper, lbg=0.0, ubg=self._rows[1])
         except RuntimeError:  # whatever a solver stumbles over is a reason to try the next
             return None
         if not solver.stats()["success"]:
             return None
-        stages = found["x"].full().ravel()[: -self.nx].reshape(self.shape.stages, self.nx + self.nu)
-        u = np.clip(stages[:, self.nx : self.nx + 1 + free], *bounds[:, : 1 + free])
+        u = np.clip(found["x"].full().reshape(self.shape.stages, -1)[:, : 1 + free], *bounds[:, : 1 + free])
         return Controls(u[:, 0], u[:, 1] if free else start.speeds) if np.isfinite(u).all() else None
 
     def penalty(self, controls: Controls, parameters: Float[np.ndarray, " n"]) -> float:
         """What breaking the limits, margins included, costs a sequence in the program's objective."""
         given = np.stack([controls.turn_rates, controls.speeds][: 1 + self.shape.free_speed])
-        return float(self._penalty(given, parameters))
-
-    @cached_property
-    def _penalty(self) -> ca.Function:
-        """(controls without slack, parameters) -> cost of the slacks they need."""
-        given = ca.SX.sym("u", 1 + self.shape.free_speed, self.shape.stages)  # pyright: ignore[reportArgumentType, reportCallIssue]
-        x, cost = self._start, ca.SX(0.0)
-        for k, (_, s) in enumerate(self._stages):
-            soft, _ = limits(x, given[:, k], s, self._task, self.shape, last=k == self.shape.stages - 1)
-            cost += self._task["slack_weight"] * s["duration"] * ca.fmax(0.0, -ca.mmin(ca.vertcat(*soft))) if soft else 0.0
-            x = dynamics(x, given[:, k], s, self._task, self.shape)
-        return ca.Function("penalty", [given, self._p], [cost])
+        return float(self._follow(given, parameters)[1])
 
     def _bounds(self, bounds: Float[np.ndarray, "2 2"]) -> Float[np.ndarray, "2 n"]:
-        limit = np.full((2, self.shape.stages, self.nx + self.nu), [[[-np.inf]], [[np.inf]]])
-        own = slice(self.nx, self.nx + 1 + self.shape.free_speed)
-        limit[:, :, own] = bounds[:, None, : 1 + self.shape.free_speed]
+        limit = np.full((2, self.shape.stages, self.nu + self.nx), [[[-np.inf]], [[np.inf]]])
+        limit[:, :, : 1 + self.shape.free_speed] = bounds[:, None, : 1 + self.shape.free_speed]
         if self.shape.limited:
-            limit[0, :, -1] = 0.0
-        ends = np.full((2, self.nx), [[-np.inf], [np.inf]])
-        return np.concatenate([limit.reshape(2, -1), ends], axis=1)
+            limit[0, :, self.nu - 1] = 0.0
+        return limit.reshape(2, -1)
 
 
 @lru_cache(maxsize=32)

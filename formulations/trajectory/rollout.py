@@ -86,7 +86,7 @@ def traces(task: Task, path: Path) -> Float[np.ndarray, "K M"]:
         there = task.positions[2 * k + 2]
         P = predict_covariance(P, Tracks(there, task.headings[k], task.speeds[k]), task.process_noise, float(duration))
         if pings > 0:
-            P = range_update(P[:, None], ends[:, k, None, None] - there, task.ranging, float(pings))[:, 0]
+            P = range_update(P, ends[:, k, None] - there, task.ranging, float(pings))
         total += (P[..., 0, 0] + P[..., 1, 1]) * (duration / task.durations.sum())
     return total
 

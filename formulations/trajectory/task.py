@@ -46,11 +46,6 @@ class Task(NamedTuple):
         """Unit of time: the longest stage [s]."""
         return float(self.durations.max())
 
-    @property
-    def limited(self) -> bool:
-        """Whether there are limits beyond those of the vehicle."""
-        return bool(self.areas) or self.least > 0 or np.isfinite(self.greatest)
-
 
 def in_body_frame(task: Task) -> Task:
     """The same task seen from the aid vehicle, in its own units of length and time: its pose is 0, its speed and its longest stage 1."""
