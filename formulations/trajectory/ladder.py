@@ -123,7 +123,7 @@ def _of_each_kind(tried: Candidates, best: int) -> list[int]:
     """The cheapest that breaks no limit of those that turn to the left first, or to the right, and then to either; not the best itself."""
     half = tried.turn_rates.shape[1] // 2
     first, second = tried.turn_rates[:, :half].mean(axis=1), tried.turn_rates[:, half:].mean(axis=1)
-    kind = np.where(first > 0, 2, 0) + np.where(second > 0, 1, 0)
+    kind = np.where(first * second == 0, -1, np.where(first > 0, 2, 0) + np.where(second > 0, 1, 0))  # straight on is of no kind
     free = tried.violation <= TOLERANCE
     found = [np.where(free & (kind == each), tried.score, np.inf) for each in range(4) if each != kind[best]]
     return [int(score.argmin()) for score in found if np.isfinite(score.min())]

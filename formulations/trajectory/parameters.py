@@ -14,6 +14,7 @@ AT_REST = 0.02  # of the aid vehicle's way: AUVs that move less over the horizon
 MOST_AUVS = {"covariance": 4, "moving": 8}  # that a program keeps states for: those that count most
 MOST_NEIGHBOURS = 16  # that a program keeps a distance from: those nearest to a limit
 FLOOR = 1e-4  # of the starting determinant; below it the logarithm is continued
+SHARP = 1e-3  # of the mean variance: ranges that err less are taken to err that much by the program, which would not converge otherwise
 SLACK_WEIGHT = 100.0  # per length and time in units of the task; of scores of the order of 1
 STAND_OFF = 0.05  # of a keep-out polygon's inner radius, by which its rounded boundary may be away from it
 
@@ -111,7 +112,7 @@ def _of_task(task: Task, heard: Task, path: Path, shape: Shape, *, side: float, 
         "radius": np.array(task.min_turn_radius),
         "slack_weight": np.array(SLACK_WEIGHT),
         "noise": heard.process_noise / np.sqrt(unit),
-        "variance": np.array(task.ranging.sigma**2 / unit),
+        "variance": np.array(max(task.ranging.sigma**2, SHARP * unit * _square_range(heard, path)) / unit),
         "excess": np.array(unit),
         "at_rest": heard.positions[len(heard.positions) // 2],
         "time": np.array(task.durations.sum()),
@@ -123,6 +124,13 @@ def _of_task(task: Task, heard: Task, path: Path, shape: Shape, *, side: float, 
         "least": np.array(task.least),
         "greatest": np.array(task.greatest),
     }
+
+
+def _square_range(task: Task, path: Path) -> float:
+    """What a variance of distance is times in one of what is measured: 4 d² of a squared range, d the root mean square over the way."""
+    if not task.ranging.squared:
+        return 1.0
+    return 4 * float(np.mean(np.sum((path.poses[0, :, None, :2] - task.positions) ** 2, axis=-1)))
 
 
 def _sharpness(lines: Float[np.ndarray, "J 3"]) -> float:
