@@ -21,10 +21,10 @@ import numpy as np
 from jaxtyping import Float
 
 CRITERIA = ("trace", "log-det")
-ARC_POINTS = 8  # positions at which an arc is held against the constraints
+LOOKS = np.arange(1, 9) / 8  # parts of a stage after which it is held against the constraints
 TINY = 1e-30  # [m^4]; a position known exactly has no logarithm
 
-Violation = Callable[[Float[np.ndarray, "*batch 2"], float], Float[np.ndarray, "*batch"]]
+Violation = Callable[[Float[np.ndarray, "*batch T 2"], Float[np.ndarray, " T"]], Float[np.ndarray, "*batch T"]]
 
 
 class Stages(NamedTuple):
@@ -122,7 +122,7 @@ def search_manoeuvres(
         Sequences kept after each stage: those whose first turn breaks limits least, of these those that break them least later, of these
         the cheapest.
     violation
-        How far [m] positions (..., 2) at a time from now [s] are on the wrong side of a limit, at most 0 where they are right.
+        How far [m] positions (..., T, 2) at times from now [s] are on the wrong side of a limit, at most 0 where they are right.
     first_violation
         How far [m] each turn breaks a limit as the first one.
 
@@ -135,7 +135,9 @@ def search_manoeuvres(
     for s, (duration, pings) in enumerate(zip(*stages, strict=True)):
         now = Tracks(*(part[s] for part in tracks))
         predicted = predict_covariance(beam.covariance, now, process_noise, float(duration))
-        poses = _turned(beam.pose, turn_rates, speed, float(duration))
+        times = duration * (LOOKS if violation is not None else LOOKS[-1:])
+        along = _turned(beam.pose, turn_rates, speed, times)
+        poses = along[..., -1, :]
         x = poses[..., None, :2] - now.position
         known = _criterion(range_update(predicted[:, None, :, :2, :2], x, ranging, float(pings)), criterion)
         cost = beam.cost[:, None] + known @ weights * (duration / total)
@@ -143,9 +145,7 @@ def search_manoeuvres(
         if s == 0 and first_violation is not None:
             first = np.maximum(first_violation, 0.0)[None]
         if violation is not None:
-            for part in np.arange(1, ARC_POINTS + 1) / ARC_POINTS:
-                along = _turned(beam.pose, turn_rates, speed, float(duration * part))[..., :2]
-                worst = np.maximum(worst, violation(along, elapsed + float(duration * part)))
+            worst = np.maximum(worst, violation(along[..., :2], elapsed + times).max(axis=-1))
         keep = np.lexsort((cost.ravel(), worst.ravel(), first.ravel()))[:beam_width]
         parent, turn = np.divmod(keep, len(turn_rates))
         turns = np.column_stack([beam.turns[parent], turn_rates[turn]])
@@ -189,12 +189,15 @@ def range_update(P: Float[np.ndarray, "*#batch n n"], x: Float[np.ndarray, "*#ba
     return P - gain[..., None, None] * Pu[..., :, None] * Pu[..., None, :]
 
 
-def _turned(pose: Float[np.ndarray, "B 3"], turn_rates: Float[np.ndarray, " K"], speed: float, duration: float) -> np.ndarray:
-    """Poses (B, K, 3) after each turn."""
-    half = 0.5 * turn_rates * duration
-    heading = pose[:, None, 2] + half
-    chord = speed * duration * np.sinc(half / np.pi)
-    return np.stack([pose[:, None, 0] + chord * np.cos(heading), pose[:, None, 1] + chord * np.sin(heading), heading + half], axis=-1)
+def _turned(
+    pose: Float[np.ndarray, "B 3"], turn_rates: Float[np.ndarray, " K"], speed: float, times: Float[np.ndarray, " T"]
+) -> Float[np.ndarray, "B K T 3"]:
+    """Poses after each turn was held for these times."""
+    half = 0.5 * turn_rates[:, None] * times
+    heading = pose[:, None, None, 2] + half
+    chord = speed * times * np.sinc(half / np.pi)
+    steps = np.stack([chord * np.cos(heading), chord * np.sin(heading)], axis=-1)
+    return np.concatenate([pose[:, None, None, :2] + steps, (heading + half)[..., None]], axis=-1)
 
 
 def _criterion(P: np.ndarray, name: str) -> np.ndarray:

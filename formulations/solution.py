@@ -26,6 +26,7 @@ class Status(IntEnum):
     SECOND_SOLVER = 10
     BEST_MANOEUVRE = 11
     SOFTENED = 12
+    LIMITED = 13
 
     @property
     def advice(self) -> str:
@@ -52,6 +53,7 @@ _ADVICE = {
     Status.SECOND_SOLVER: "the optimum, but the first solver failed and a slower one found it; fewer stages may help if it happens often",
     Status.BEST_MANOEUVRE: "no solver improved on the best manoeuvre tried, which is taken; fewer stages or more iterations may help",
     Status.SOFTENED: "no trajectory found keeps within every limit; the optimum with the limits softened is taken; widen the limits",
+    Status.LIMITED: "the manoeuvre wanted breaks a limit; the nearest turn that does not is taken; nothing to do unless it happens often",
 }
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -96,20 +95,23 @@ class Constraints:
             worst = np.maximum(worst, -area.signed_distance(positions))
         return worst if self.geofence is None else np.maximum(worst, self.geofence.signed_distance(positions))
 
-    def separation_violation(self, positions: Float[np.ndarray, "*batch 2"], auvs: Float[np.ndarray, "M 2"]) -> Float[np.ndarray, "*batch"]:
-        """How far [m] positions are from a permitted distance to every AUV; at most 0 where they are right."""
+    def separation_violation(
+        self, positions: Float[np.ndarray, "*batch 2"], auvs: Float[np.ndarray, "*#batch M 2"], room: Float[np.ndarray, " M"] | float = 0.0
+    ) -> Float[np.ndarray, "*batch"]:
+        """How far [m] positions are from a permitted distance to every AUV, with room [m] to spare for each; at most 0 if right."""
         distance = np.linalg.norm(positions[..., None, :] - auvs, axis=-1)
         near = self.min_separation - distance if self.min_separation > 0 else np.full_like(distance, -np.inf)
-        return np.max(np.maximum(near, distance - self.max_separation), axis=-1, initial=-np.inf)
+        return np.max(np.maximum(near, distance - self.max_separation) + room, axis=-1, initial=-np.inf)
 
-    def violation(self, positions: Float[np.ndarray, "*batch 2"], auvs: Float[np.ndarray, "M 2"]) -> Float[np.ndarray, "*batch"]:
-        """The worse of both [m]; it changes by no more than the vehicle moves."""
-        return np.maximum(self.fixed_violation(positions), self.separation_violation(positions, auvs))
+    def violation(
+        self, positions: Float[np.ndarray, "*batch 2"], auvs: Float[np.ndarray, "*#batch M 2"], room: Float[np.ndarray, " M"] | float = 0.0
+    ) -> Float[np.ndarray, "*batch"]:
+        """The worse of both [m]; it changes by no more than the vehicles move."""
+        return np.maximum(self.fixed_violation(positions), self.separation_violation(positions, auvs, room))
 
 
 UNLIMITED = Constraints()
-CIRCLE_POINTS = 64  # at which the smallest circles are held against the limits
-MOVE_POINTS = 16  # at which the way to the next decision is
+MOVE_POINTS = 16  # at which the way to the next decision is held against the limits
 
 
 def first_move_violation(
@@ -120,14 +122,15 @@ def first_move_violation(
     speed: float,
     radius: float,
     interval: float,
-    auvs: Callable[[float], Float[np.ndarray, "M 2"]],
+    auvs: Callable[[Float[np.ndarray, " points"]], Float[np.ndarray, "points M 2"]],
+    room: Float[np.ndarray, " M"] | float = 0.0,
 ) -> Float[np.ndarray, " K"]:
     """How far [m] each turn held until the next decision breaks a limit, or leaves the vehicle where it must break one.
 
-    A vehicle that cannot stop is safe for ever as long as one of its two smallest circles is within the fixed limits: turning on the free
-    one keeps it free. So if the limiting turns are among the candidates and one circle is free now, some candidate always keeps within
-    the fixed limits. Distances change by no more than the vehicles move: half of that between points looked at is added, and nothing
-    between them is missed.
+    A vehicle that cannot stop is safe for ever as long as one of its two smallest circles, with what it encloses, is within the fixed
+    limits: turning on the free one keeps it free. So if the limiting turns are among the candidates and one circle is free now, some
+    candidate always keeps within the fixed limits. Distances change by no more than the vehicles move: half of that between points looked
+    at is added, and nothing between them is missed.
 
     Parameters
     ----------
@@ -135,15 +138,19 @@ def first_move_violation(
         Pose now (east, north [m], heading [rad]); candidates [rad/s]; speed [m/s]; smallest turning radius [m]; time until the next
         decision [s].
     auvs
-        Positions of the AUVs [m] at a time from now [s].
+        Positions of the AUVs [m] at times from now [s].
+    room
+        By which separations are kept more than the limits say, per AUV [m].
     """
     times = interval * np.arange(1, MOVE_POINTS + 1) / MOVE_POINTS
     positions = arc_positions(pose, turn_rates, speed, times)
     half_step = 0.5 * speed * interval / MOVE_POINTS
-    on_the_way = constraints.fixed_violation(positions).max(axis=-1) + half_step
     after = np.concatenate([positions[:, -1], pose[2] + turn_rates[:, None] * interval], axis=-1)
-    fixed = np.maximum(on_the_way, _loiter_violation(constraints, after, radius) + half_step)  # more than the circle itself can violate
-    return np.maximum(fixed, _separation_violation(constraints, positions, [auvs(float(t)) for t in (0.0, *times)]) + half_step)
+    fixed = np.maximum(constraints.fixed_violation(positions).max(axis=-1), loiter_violation(constraints, after, radius).min(axis=-1))
+    known = auvs(np.append(0.0, times))
+    strides = 0.5 * np.max(np.linalg.norm(np.diff(known, axis=0), axis=-1), axis=-1, initial=0.0)
+    apart = np.max(constraints.separation_violation(positions, known[1:], room) + strides, axis=-1)
+    return np.maximum(fixed, apart) + half_step
 
 
 def arc_positions(
@@ -155,19 +162,8 @@ def arc_positions(
     return pose[:2] + chord[..., None] * np.stack([np.cos(pose[2] + half), np.sin(pose[2] + half)], axis=-1)
 
 
-def _separation_violation(
-    constraints: Constraints, positions: Float[np.ndarray, "K points 2"], auvs: list[Float[np.ndarray, "M 2"]]
-) -> Float[np.ndarray, " K"]:
-    """How far [m] moves come from a permitted distance to AUVs whose positions are known at the points and just before the first."""
-    half_steps = [0.5 * np.max(np.linalg.norm(after - before, axis=-1), initial=0.0) for before, after in pairwise(auvs)]
-    at_points = [constraints.separation_violation(positions[:, i], auv) for i, auv in enumerate(auvs[1:])]
-    return np.max([violation + half_step for violation, half_step in zip(at_points, half_steps, strict=True)], axis=0)
-
-
-def _loiter_violation(constraints: Constraints, poses: Float[np.ndarray, "*batch 3"], radius: float) -> Float[np.ndarray, "*batch"]:
-    """How far [m] the better of the two smallest circles from each pose is outside the fixed limits."""
-    angle = 2 * np.pi * np.arange(CIRCLE_POINTS) / CIRCLE_POINTS
-    normal = np.stack([-np.sin(poses[..., 2]), np.cos(poses[..., 2])], axis=-1)[..., None, :]
-    centers = poses[..., None, :2] + radius * np.array([[1.0], [-1.0]]) * normal  # left, right
-    circles = centers[..., None, :] + radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    return constraints.fixed_violation(circles).max(axis=-1).min(axis=-1) + np.pi * radius / CIRCLE_POINTS
+def loiter_violation(constraints: Constraints, poses: Float[np.ndarray, "*batch 3"], radius: float) -> Float[np.ndarray, "*batch 2"]:
+    """How far [m] the smallest circles to the left and the right of poses, with what they enclose, are outside the fixed limits."""
+    left = radius * np.stack([-np.sin(poses[..., 2]), np.cos(poses[..., 2])], axis=-1)
+    centers = poses[..., None, :2] + np.array([[1.0], [-1.0]]) * left[..., None, :]
+    return constraints.fixed_violation(centers) + radius

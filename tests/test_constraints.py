@@ -101,7 +101,7 @@ def test_areas_and_limits_refuse_what_makes_no_sense():
 
 RADIUS, SPEED = 3.0, 2.0
 TURNS = SPEED / RADIUS * np.array([1.0, 0.3, 0.0, -0.3, -1.0])
-nowhere = lambda time: np.empty((0, 2))  # noqa: ARG005, E731
+nowhere = lambda times: np.empty((len(times), 0, 2))  # noqa: E731
 
 
 def fixed(x, y):
@@ -149,7 +149,7 @@ def test_without_looking_at_the_circles_the_vehicle_gets_caught():
 
 def test_turns_called_safe_keep_their_distance_from_auvs_that_move():
     limits = Constraints(min_separation=5.0, max_separation=60.0)
-    place = lambda time: np.array([[20 * math.cos(0.4 * time), 20 * math.sin(0.4 * time)]])  # noqa: E731
+    place = lambda times: 20 * np.stack([np.cos(0.4 * times), np.sin(0.4 * times)], axis=-1)[..., None, :]  # noqa: E731
     safe = 0
     rng = np.random.default_rng(4)
     for now in rng.uniform(0, 60, 300):

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from formulations.manoeuvre_search import (
-    ARC_POINTS,
+    LOOKS,
     Ranging,
     Stages,
     Tracks,
@@ -290,9 +290,9 @@ def test_first_turn_counts_more_than_what_comes_of_it():
     given = problem(np.random.default_rng(14))
     heading, left = given["pose"][2], given["turn_rates"] > 0
 
-    def right_at_first(positions, time):  # forbidden: whatever is not to the left, during the first stage
+    def right_at_first(positions, times):  # forbidden: whatever is not to the left, during the first stage
         aside = (positions - given["pose"][:2]) @ [-math.sin(heading), math.cos(heading)]
-        return np.where((aside < 1e-9) & (time <= given["stages"].duration[0]), 1.0, -1.0)
+        return np.where((aside < 1e-9) & (times <= given["stages"].duration[0]), 1.0, -1.0)
 
     found = search_manoeuvres(**given, beam_width=125, violation=right_at_first)
     assert found.turn_rates[0] > 0
@@ -304,24 +304,21 @@ def test_first_turn_counts_more_than_what_comes_of_it():
 
 def test_violation_of_a_sequence_is_the_worst_along_its_arcs():
     given = problem(np.random.default_rng(13))
-    times, seen = [], []
+    looked = []
 
-    def wall(positions, time):
-        times.append(time)
-        seen.append(positions)
+    def wall(positions, times):
+        looked.extend(times)
         return positions[..., 0] - given["pose"][0]  # everything east of the start is forbidden
 
     found = search_manoeuvres(**given, beam_width=125, violation=wall)
     ends = np.cumsum(given["stages"].duration)
-    expected = np.concatenate(
-        [start + np.arange(1, ARC_POINTS + 1) / ARC_POINTS * (end - start) for start, end in itertools.pairwise([0, *ends])]
-    )
-    np.testing.assert_allclose(times, expected)
+    expected = np.concatenate([start + LOOKS * (end - start) for start, end in itertools.pairwise([0, *ends])])
+    np.testing.assert_allclose(looked, expected)
 
     def worst(turns):
         pose, east = given["pose"], []
         for turn, duration in zip(turns, given["stages"].duration, strict=True):
-            east += [arc(pose, turn, 2.0, duration * k / ARC_POINTS)[0] for k in range(1, ARC_POINTS + 1)]
+            east += [arc(pose, turn, 2.0, duration * part)[0] for part in LOOKS]
             pose = arc(pose, turn, 2.0, duration)
         return max(*east, given["pose"][0]) - given["pose"][0]
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ..manoeuvre_search import Violation
 from ..solution import Status
 from .manoeuvres import manoeuvres
 from .parameters import chosen, setting
@@ -179,17 +180,17 @@ def _world(task: Task, path: Path) -> Path:
     return Path(np.concatenate([xy, path.poses[..., 2:] + task.pose[2]], axis=-1), path.times * task.time)
 
 
-def _positions(search: Search) -> Callable[[np.ndarray, float], np.ndarray] | None:
-    """The true limits as the manoeuvre search asks for them: of positions (..., 2) at one time, in units of the task."""
+def _positions(search: Search) -> Violation | None:
+    """The true limits as the manoeuvre search asks for them: of positions (..., T, 2) at times, in units of the task."""
     if search.limits is None:
         return None
     task, along = search.world, search.limits.along
     c, s = np.cos(task.pose[2]), np.sin(task.pose[2])
     turn = np.array([[c, s], [-s, c]])
 
-    def violation(positions: np.ndarray, time: float) -> np.ndarray:
-        flat = task.pose[:2] + task.length * positions.reshape(-1, 1, 2) @ turn
-        return along(flat, np.array([time * task.time])).reshape(positions.shape[:-1]) / task.length
+    def violation(positions: np.ndarray, times: np.ndarray) -> np.ndarray:
+        flat = task.pose[:2] + task.length * positions.reshape(-1, len(times), 2) @ turn
+        return along(flat, times * task.time).reshape(positions.shape[:-1]) / task.length
 
     return violation
 

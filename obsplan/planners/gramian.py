@@ -16,6 +16,7 @@ from formulations.range_gramian import DisplacementMoments, displacement_moments
 from formulations.solution import Status
 from obsplan.constraints import UNLIMITED, Constraints, arc_positions, first_move_violation
 from obsplan.planners.candidates import first_of_the_best
+from obsplan.planners.limits import expected
 from obsplan.planners.protocol import Command, Targets, columns, decide, predict_path, symbols, time_to_ping, unusable
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
@@ -185,13 +186,12 @@ class GramianHorizon:
     def _violations(self, pose: Pose, auvs: Sequence[Belief]) -> tuple[Float[np.ndarray, " K"], Float[np.ndarray, " K"]]:
         """How far [m] each candidate breaks a limit before the next decision, or without fail after it, and over the horizon."""
         state, speed, rates = np.array([pose.x, pose.y, pose.heading]), self.cna.speed, self.candidates
-        known = lambda t: np.array([auv.ahead(np.array([t]))[0] for auv in auvs])  # noqa: E731
-        radius, interval = self.cna.min_turn_radius, self.decision_interval
-        first = first_move_violation(self.constraints, state, rates, speed=speed, radius=radius, interval=interval, auvs=known)
+        ahead, room = expected(auvs)
+        way = {"speed": speed, "radius": self.cna.min_turn_radius, "interval": self.decision_interval}
+        first = first_move_violation(self.constraints, state, rates, **way, auvs=ahead, room=room)
         times = self.look_ahead * np.arange(1, HORIZON_POINTS + 1) / HORIZON_POINTS
         positions = arc_positions(state, rates, speed, times)
-        later = [self.constraints.violation(positions[:, i], known(float(t))) for i, t in enumerate(times)]
-        return first, np.max(later, axis=0)
+        return first, self.constraints.violation(positions, ahead(times), room).max(axis=-1)
 
 
 @lru_cache(maxsize=16)

@@ -9,7 +9,8 @@ import numpy as np
 from formulations.manoeuvre_search import CRITERIA, Manoeuvre, Ranging, Stages, Tracks, ping_stages, search_manoeuvres, turn_candidates
 from formulations.solution import Status
 from obsplan.constraints import UNLIMITED, Constraints, first_move_violation
-from obsplan.planners.protocol import unusable
+from obsplan.planners.limits import expected
+from obsplan.planners.protocol import straight_on, unusable
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
@@ -57,11 +58,14 @@ class InformationHorizon:
         return unusable(self, pose, auvs) or self._search(pose, auvs, time)
 
     def _search(self, pose: Pose, auvs: Sequence[Belief], time: float) -> Decision:
+        covariance = np.array([auv.covariance for auv in auvs])
+        if not np.isfinite(covariance).all():
+            return straight_on(self.cna, pose, Status.INVALID_INPUT, len(auvs))
         stages = ping_stages(time, self.ping_interval, self.horizon, self.stages)
         state, turn_rates = np.array([pose.x, pose.y, pose.heading]), turn_candidates(self.cna.max_turn_rate, self.turn_rates)
         best = search_manoeuvres(
             state,
-            np.array([auv.covariance for auv in auvs]),
+            covariance,
             tracks=predicted_tracks(auvs, stages),
             process_noise=np.array([[noise[0], noise[0], noise[1], noise[2]] for noise in (auv.process_noise for auv in auvs)]),
             weights=np.array([auv.weight for auv in auvs], dtype=float),
@@ -83,7 +87,7 @@ class InformationHorizon:
         """The constraints as the search takes them; none cost nothing."""
         if not self.constraints:
             return {}
-        known = lambda time: np.array([auv.ahead(np.array([time]))[0] for auv in auvs])  # noqa: E731
+        ahead, room = expected(auvs)
         first = first_move_violation(
             self.constraints,
             state,
@@ -91,10 +95,11 @@ class InformationHorizon:
             speed=self.cna.speed,
             radius=self.cna.min_turn_radius,
             interval=self.decision_interval,
-            auvs=known,
+            auvs=ahead,
+            room=room,
         )
         return {
-            "violation": lambda positions, time: self.constraints.violation(positions, known(time)),
+            "violation": lambda positions, times: self.constraints.violation(positions, ahead(times), room),
             "first_violation": first,
         }
 

@@ -10,12 +10,13 @@ import casadi as ca
 import numpy as np
 
 from formulations.solution import Status
-from obsplan.planners.protocol import Planner, expression_of
+from obsplan.planners.limits import within_limits
+from obsplan.planners.protocol import Planner
 from obsplan.run import Run, Timing, record
 from obsplan.scenario import Scenario, load, replanned
 from obsplan.simulation.inputs import mission_inputs
 from obsplan.simulation.native import native
-from obsplan.simulation.step import Carry, Inputs, Log, StepBuilder, full_array, shape_of
+from obsplan.simulation.step import Carry, Inputs, Log, StepBuilder, folded, full_array, shape_of
 from obsplan.surveys import Reference
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
@@ -96,7 +97,7 @@ class ClosedLoop:
         carry = Carry(*(np.concatenate([a[None], np.empty((steps, *a.shape))]) for a in first))
         log = Log(*(np.empty((steps, *shape_of(name, auvs))) for name in Log._fields))
         decisions: list[float] = []
-        if expression_of(self.planner) is not None:
+        if folded(self.scenario, self.planner) is not None:
             self._fold(carry, inputs, log, progress)
         else:
             decisions = self._walk(carry, inputs, log, progress)
@@ -118,9 +119,8 @@ class ClosedLoop:
             decision, now = None, [a[k] for a in (*carry, *inputs)]
             if inputs.decide[k]:
                 began = perf_counter()
-                decision = self.planner.plan(pose_of(carry, k), self._beliefs(carry, inputs, k), time=float(inputs.time[k].item()))
+                decision = self._decision(pose_of(carry, k), self._beliefs(carry, inputs, k), float(inputs.time[k].item()))
                 seconds.append(perf_counter() - began)
-                decision = flyable(decision, self.scenario.cna)
                 now[COMMAND] = np.array([[decision.turn_rate, decision.speed]], dtype=float)
             evaluate(self.step, now, results_of(carry, log, k, 1))
             if decision is not None:
@@ -129,6 +129,15 @@ class ClosedLoop:
             if (k + 1) % CHUNK == 0 or k + 1 == steps:
                 progress(k + 1, steps)
         return seconds
+
+    def _decision(self, pose: Pose, auvs: list[Belief], time: float) -> Decision:
+        """What the vehicle makes of the planner's manoeuvre; a planner that knows no limits is kept within them."""
+        scenario, limits = self.scenario, self.scenario.constraints
+        decision = flyable(self.planner.plan(pose, auvs, time=time), scenario.cna)
+        if not limits or hasattr(self.planner, "constraints"):
+            return decision
+        interval = scenario.decide_every * scenario.table.time_step
+        return within_limits(decision, pose, auvs, cna=scenario.cna, constraints=limits, interval=interval)
 
     def _beliefs(self, carry: Carry, inputs: Inputs, k: int) -> list[Belief]:
         """What the planner is told of each AUV."""

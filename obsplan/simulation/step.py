@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from obsplan.estimators import Ekf
-from obsplan.planners.protocol import Planner, Targets, expression_of, guarded
+from obsplan.planners.protocol import Expression, Planner, Targets, expression_of, guarded
 from obsplan.scenario import Scenario
 
 N = 4  # states of an AUV: east, north [m], heading [rad], speed through the water [m/s]
@@ -62,6 +62,11 @@ def shape_of(name: str, auvs: int) -> tuple[int, int]:
     return 1 if name in OF_ALL else auvs, ROWS.get(name, 1)
 
 
+def folded(scenario: Scenario, planner: Planner) -> Expression | None:
+    """The planner's expression, where the step can hold it; None where it has to be called between steps, as always under limits."""
+    return None if scenario.constraints else expression_of(planner)
+
+
 @dataclass(frozen=True, kw_only=True)
 class StepBuilder:
     """Composes vehicle, sensors, filter and, where it is an expression, the planner of a scenario into one step."""
@@ -85,7 +90,7 @@ class StepBuilder:
 
     def _decide(self, carry: Carry, inputs: Inputs) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """Command, score, condition numbers and status; a planner that is no expression has put its command into the carry."""
-        expression = expression_of(self.planner)
+        expression = folded(self.scenario, self.planner)
         if expression is None:
             return carry.command, ca.SX.nan(1), ca.SX.nan(1, carry.truth.shape[1]), ca.SX.nan(1)
         known = {"estimate": carry.reported, "survey": inputs.survey, "truth": carry.truth}[self.scenario.table.planner.knowledge]
