@@ -49,6 +49,10 @@ class Spy:
     def initial_pose(self, pose):
         return self.planner.initial_pose(pose) if hasattr(self.planner, "initial_pose") else pose
 
+    def for_mission(self, seed):
+        self.planner = self.planner.for_mission(seed) if hasattr(self.planner, "for_mission") else self.planner
+        return self
+
 
 class Silent:
     """In place of the random generators: no noise at all."""

@@ -135,11 +135,8 @@ def cell_of(scenario: Scenario, *, base: str, settings: Sequence[str], seeds: ra
 
 
 def content_of(scenario: Scenario) -> str:
-    """All that decides a mission but its noise: the same text wherever the scenario came from.
-
-    The scenario's own seed is part of it, for a planner may draw from it.
-    """
-    data = {key: value for key, value in scenario.resolved().items() if key != "description"}
+    """All that decides a mission but its seed: the same text wherever the scenario came from."""
+    data = {key: value for key, value in scenario.resolved().items() if key not in ("description", "seed")}
     return json.dumps(data, sort_keys=True, separators=(",", ":"))
 
 

@@ -20,7 +20,8 @@ ROUNDING = 1e-6  # of the time between pings: a time this near to a ping is the 
 class Planner(Protocol):
     """Anything that turns what is known of the AUVs into the aid vehicle's next manoeuvre.
 
-    It may also have ``initial_pose(pose) -> Pose``, where it wants to start; ``condition_label``, what its condition numbers are of; and
+    It may also have ``initial_pose(pose) -> Pose``, where it wants to start; ``for_mission(seed) -> Planner``, where it draws numbers;
+    ``condition_label``, what its condition numbers are of; ``constraints``, if it keeps within the scenario's limits by itself; and
     ``expression``, see `expression_of`.
     """
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -19,27 +19,32 @@ PLANNER_STREAM = 2  # of a mission's streams: process, measurement, planner
 class RandomTurns:
     """Hold turn rates drawn evenly between the limits, each for the same time, whatever the AUVs do.
 
-    The draws follow from the seed and the time alone: asked again about the same time, it says the same. There is no score.
+    The draws follow from the seed and the time alone: asked again about the same time, it says the same. There is no score. Outside a
+    mission the default seed is 0.
     """
 
     condition_label = ""
 
     cna: Unicycle
     _: KW_ONLY
-    seed: Annotated[int, "of the turns, at least 0; default: the scenario's"]
+    seed: Annotated[int | None, "of the turns, at least 0; default: the mission's"] = None
     hold: Annotated[float, "time a turn is held [s]"] = 5.0
 
     def __post_init__(self) -> None:
-        if self.seed < 0:
+        if self.seed is not None and self.seed < 0:
             raise ValueError(f"seed must be at least 0, got {self.seed}")
         if not 0 < self.hold < np.inf:
             raise ValueError(f"hold must be positive and finite [s], got {self.hold}")
+
+    def for_mission(self, seed: int) -> "RandomTurns":
+        """The planner of a mission flown under a seed."""
+        return self if self.seed is not None else replace(self, seed=seed)
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Draw the turn of this time: the generator's counter is the number of turns held before."""
         if not np.isfinite([pose.x, pose.y, pose.heading, pose.turn_rate]).all():
             return straight_on(self.cna, pose, Status.INVALID_INPUT, len(auvs))
-        key = np.random.SeedSequence(self.seed, spawn_key=(PLANNER_STREAM,)).generate_state(2, np.uint64)
+        key = np.random.SeedSequence(self.seed or 0, spawn_key=(PLANNER_STREAM,)).generate_state(2, np.uint64)
         turn = math.floor(time / self.hold + 1e-9)  # 1e-9: a time that is a multiple but for its rounding
         limit = self.cna.max_turn_rate
         turn_rate = float(np.random.Generator(np.random.Philox(key=key, counter=turn)).uniform(-limit, limit))

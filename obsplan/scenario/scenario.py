@@ -10,6 +10,7 @@ from jaxtyping import Float, Integer
 
 from obsplan.constraints import Constraints, Disc, Polygon
 from obsplan.planners import planner_class
+from obsplan.planners.filed import Filed
 from obsplan.planners.protocol import Planner
 from obsplan.scenario.tables import CONTEXT, FIXED, MissionSurvey, ScenarioTable
 from obsplan.sensors import SENSORS, Heading
@@ -186,13 +187,14 @@ class Scenario:
             return self.cna
         if name in ("center", "radius"):
             return self._survey_circle[name]
+        if name == "filed":
+            return self._filed
         ranging = self.table.ranging
         return {
             "ping_interval": ranging.interval,
             "sigma": ranging.sigma,
             "ranging_kind": ranging.kind,
             "heading_sigma": self.heading_sensor.sigma,
-            "seed": self.table.seed,
             "constraints": self.constraints,
             "decision_interval": self.decide_every * self.table.time_step,
         }[name]
@@ -210,6 +212,20 @@ class Scenario:
             )
         except ValueError as error:
             raise self.error("constraints", error) from None
+
+    @cached_property
+    def _filed(self) -> Filed:
+        """What is known before the mission begins."""
+        nothing = np.zeros((len(self.table.auv), 4))
+        return Filed(
+            time=self.time,
+            position=np.stack([motion.position for motion in self.motions], axis=1),
+            heading=np.stack([motion.heading for motion in self.motions], axis=1),
+            speed=np.stack([motion.speed for motion in self.motions], axis=1),
+            covariance=self.first_estimates(nothing, nothing)[1],
+            process_noise=self.process_noise(assumed=True),
+            weights=np.array([auv.weight for auv in self.table.auv], dtype=float),
+        )
 
     @cached_property
     def _survey_circle(self) -> dict[str, Any]:

@@ -12,8 +12,8 @@ Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 
 # what the scenario itself tells a planner that has such a field: what a user may set otherwise, and what is not the planner's to set
-CONTEXT = ("center", "radius", "ping_interval", "sigma", "ranging_kind", "heading_sigma", "seed")
-FIXED = ("cna", "constraints", "decision_interval")
+CONTEXT = ("center", "radius", "ping_interval", "sigma", "ranging_kind", "heading_sigma")
+FIXED = ("cna", "constraints", "decision_interval", "filed")
 
 
 class Table(BaseModel):

@@ -100,7 +100,8 @@ class ClosedLoop:
         if folded(self.scenario, self.planner) is not None:
             self._fold(carry, inputs, log, progress)
         else:
-            decisions = self._walk(carry, inputs, log, progress)
+            planner = self.planner.for_mission(seed) if hasattr(self.planner, "for_mission") else self.planner  # pyright: ignore[reportAttributeAccessIssue]
+            decisions = self._walk(planner, carry, inputs, log, progress)
         timing = Timing(seconds=perf_counter() - began, decision_seconds=decisions)
         return record(self.scenario, self.planner, seed, carry._replace(covariance=full_array(carry.covariance)), log, timing)
 
@@ -112,14 +113,14 @@ class ClosedLoop:
             evaluate(self._chunks[n], [a[k] for a in carry] + [a[k : k + n] for a in inputs], results_of(carry, log, k, n))
             progress(k + n, steps)
 
-    def _walk(self, carry: Carry, inputs: Inputs, log: Log, progress: Progress) -> list[float]:
+    def _walk(self, planner: Planner, carry: Carry, inputs: Inputs, log: Log, progress: Progress) -> list[float]:
         """Advance step by step, calling the planner between them; returns the time each decision took [s]."""
         steps, seconds = len(inputs.time), []
         for k in range(steps):
             decision, now = None, [a[k] for a in (*carry, *inputs)]
             if inputs.decide[k]:
                 began = perf_counter()
-                decision = self._decision(pose_of(carry, k), self._beliefs(carry, inputs, k), float(inputs.time[k].item()))
+                decision = self._decision(planner, pose_of(carry, k), self._beliefs(carry, inputs, k), float(inputs.time[k].item()))
                 seconds.append(perf_counter() - began)
                 now[COMMAND] = np.array([[decision.turn_rate, decision.speed]], dtype=float)
             evaluate(self.step, now, results_of(carry, log, k, 1))
@@ -130,11 +131,11 @@ class ClosedLoop:
                 progress(k + 1, steps)
         return seconds
 
-    def _decision(self, pose: Pose, auvs: list[Belief], time: float) -> Decision:
+    def _decision(self, planner: Planner, pose: Pose, auvs: list[Belief], time: float) -> Decision:
         """What the vehicle makes of the planner's manoeuvre; a planner that knows no limits is kept within them."""
         scenario, limits = self.scenario, self.scenario.constraints
-        decision = flyable(self.planner.plan(pose, auvs, time=time), scenario.cna)
-        if not limits or hasattr(self.planner, "constraints"):
+        decision = flyable(planner.plan(pose, auvs, time=time), scenario.cna)
+        if not limits or hasattr(planner, "constraints"):
             return decision
         interval = scenario.decide_every * scenario.table.time_step
         return within_limits(decision, pose, auvs, cna=scenario.cna, constraints=limits, interval=interval)
