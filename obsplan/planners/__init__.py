@@ -15,6 +15,7 @@ PLANNERS = {
     "trail": "obsplan.planners.trail:Trail",
     "random": "obsplan.planners.random_turns:RandomTurns",
     "circle": "obsplan.planners.circle:Circle",
+    "whole-mission": "obsplan.planners.whole_mission:WholeMission",
     "stationary": "obsplan.planners.stationary:Stationary",
 }
 DEFAULT_PLANNER = "information"  # what the name "default" stands for

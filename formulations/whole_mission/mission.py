@@ -1,0 +1,133 @@
+r"""A mission as known before it begins, and what happens to the AUVs' covariances between ranges, whatever the aid vehicle does.
+
+State of an AUV: (east, north [m], heading [rad], speed through the water [m/s]). Each sample of the mission, its filter predicts,
+
+.. math:: P \leftarrow F P F^\top + Q, \quad F = I + A \Delta t,
+
+A having the columns (-V sin ψ, V cos ψ) and (cos ψ, sin ψ) of the heading and the speed, and corrects by the compass. Any number of such
+samples amounts to one reading of the first heading of information h, followed by one prediction:
+
+.. math:: P \leftarrow \bar F \Bigl(P - \frac{h\, p_3 p_3^\top}{1 + h P_{33}}\Bigr) \bar F^\top + \bar Q,
+
+p_3 being the heading's column of P. (F̄, Q̄) is the filter begun with a known state, and h what its readings tell of the state it began
+with. (Linear fractional form of the Riccati equation: Kailath, Sayed and Hassibi 2000, chapter 17.)
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Integer
+
+from formulations.manoeuvre_search import Ranging
+
+HEADING = 2  # index in the state
+MOST_STAGES = 400  # steps of the covariance recursion; more ranges than that are taken together
+
+
+class Maps(NamedTuple):
+    """What intervals without ranges do to the covariances of M AUVs; see the module."""
+
+    transition: Float[np.ndarray, "S M 4 4"]  # F̄
+    noise: Float[np.ndarray, "S M 4 4"]  # Q̄
+    heading: Float[np.ndarray, "S M"]  # h [1/rad^2]
+
+
+class Stages(NamedTuple):
+    """The mission cut at its ranges: each stage ends with ``pings`` ranges to each AUV, the last one perhaps with none."""
+
+    end: Integer[np.ndarray, " S"]  # sample
+    pings: Integer[np.ndarray, " S"]
+    halves: tuple[Maps, Maps]
+    share: Float[np.ndarray, "S 3"]  # of the mission's time, of the beginning, middle and end of each stage, before its ranges
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Mission:
+    """What is known before it begins, at K + 1 samples of M AUVs and of the aid vehicle that is to be planned for.
+
+    ``process_noise`` has standard deviations per square root of a second; ``pings`` are the samples at which ranges are measured, none the
+    first; weights sum to one.
+    """
+
+    time_step: float  # [s]
+    position: Float[np.ndarray, "samples M 2"]  # [m]
+    heading: Float[np.ndarray, "samples M 2"]  # unit vectors, of the step that begins at the sample
+    speed: Float[np.ndarray, "samples M"]  # through the water [m/s]
+    covariance: Float[np.ndarray, "M 4 4"]
+    process_noise: Float[np.ndarray, "M 4"]
+    weights: Float[np.ndarray, " M"]
+    compass: float  # standard deviation [rad]
+    ranging: Ranging
+    pings: Integer[np.ndarray, " N"]
+    start: Float[np.ndarray, "3"]  # of the aid vehicle: east, north [m], heading [rad]
+    cna_speed: float  # [m/s]
+    max_turn_rate: float  # [rad/s]
+
+    @property
+    def steps(self) -> int:
+        """Samples after the first."""
+        return len(self.position) - 1
+
+    @property
+    def first_ping(self) -> int:
+        """Sample of the first range; the mission's last where there is none."""
+        return int(self.pings[0]) if self.pings.size else self.steps
+
+    @property
+    def ping_every(self) -> int:
+        """Steps between ranges."""
+        return int(self.pings[1] - self.pings[0]) if self.pings.size > 1 else self.first_ping
+
+    @cached_property
+    def stages(self) -> Stages:
+        """The mission cut at its ranges; an odd number of them taken together as measured at the middle one, where there are too many."""
+        size = -(-self.pings.size // MOST_STAGES) // 2 * 2 + 1 if self.pings.size > MOST_STAGES else 1
+        groups = [self.pings[i : i + size] for i in range(0, self.pings.size, size)]
+        end, count = [int(group[(len(group) - 1) // 2]) for group in groups], [len(group) for group in groups]
+        if not end or end[-1] < self.steps:
+            end, count = [*end, self.steps], [*count, 0]
+        begin, stop = np.array([0, *end[:-1]]), np.array(end)
+        middle = begin + (stop - begin) // 2
+        share = simpson(middle - begin, stop - middle) * ((stop - begin) / self.steps)[:, None]
+        return Stages(stop, np.array(count), (self.maps(begin, middle), self.maps(middle, stop)), share)
+
+    def maps(self, begin: Integer[np.ndarray, " S"], end: Integer[np.ndarray, " S"]) -> Maps:
+        """What the intervals from samples ``begin`` to ``end`` do to the covariances."""
+        shape, F, variance = (len(begin), len(self.weights)), self._transitions, self.compass**2
+        T, Q, h = np.broadcast_to(np.eye(4), (*shape, 4, 4)).copy(), np.zeros((*shape, 4, 4)), np.zeros(shape)
+        random_walk = self.process_noise[..., None] ** 2 * np.eye(4) * self.time_step
+        for step in range(int(np.max(end - begin, initial=0))):
+            now = np.flatnonzero(begin + step < end)
+            f = F[begin[now] + step]
+            t, q = f @ T[now], f @ Q[now] @ f.swapaxes(-1, -2) + random_walk
+            innovation = q[..., HEADING, HEADING] + variance
+            gain = q[..., HEADING] / innovation[..., None]
+            h[now] += t[..., HEADING, HEADING] ** 2 / innovation
+            T[now] = t - gain[..., None] * t[..., HEADING, None, :]
+            Q[now] = q - gain[..., None] * q[..., HEADING, None, :]
+        return Maps(T, Q, h)
+
+    @cached_property
+    def _transitions(self) -> Float[np.ndarray, "steps M 4 4"]:
+        east, north = np.moveaxis(self.heading[:-1], -1, 0)
+        F = np.broadcast_to(np.eye(4), (*east.shape, 4, 4)).copy()
+        F[..., 0, 2], F[..., 1, 2] = -self.speed[:-1] * north * self.time_step, self.speed[:-1] * east * self.time_step
+        F[..., 0, 3], F[..., 1, 3] = east * self.time_step, north * self.time_step
+        return F
+
+
+def advance(P: Float[np.ndarray, "M 4 4"], maps: Maps, stage: int) -> Float[np.ndarray, "M 4 4"]:
+    """Covariances after one of the intervals."""
+    T, Q, h = (part[stage] for part in maps)
+    column = P[..., HEADING]
+    known = P - (h / (1 + h * column[..., HEADING]))[:, None, None] * column[..., :, None] * column[..., None, :]
+    return T @ known @ T.swapaxes(-1, -2) + Q
+
+
+def simpson(before: Integer[np.ndarray, " S"], after: Integer[np.ndarray, " S"]) -> Float[np.ndarray, "S 3"]:
+    """Weights of the ends and the inner point of intervals so cut that integrate parabolas; the trapezoid's where nothing is before it."""
+    a, b = np.maximum(before, 1), after
+    parabola = np.stack([(2 * a - b) / (6 * a), (a + b) ** 2 / (6 * a * b), (2 * b - a) / (6 * b)], axis=-1)
+    return np.where((before > 0)[:, None], parabola, [0.5, 0.0, 0.5])

@@ -1,0 +1,225 @@
+"""Whole mission: plan all turns before it begins, by optimisation from many starts, and follow them."""
+
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
+from functools import lru_cache
+from typing import Annotated, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from formulations.manoeuvre_search import Manoeuvre, Ranging, Stages
+from formulations.whole_mission import Mission, Plan, optimise
+from obsplan.constraints import UNLIMITED, Constraints
+from obsplan.planners.filed import Filed
+from obsplan.planners.information import manoeuvre_path
+from obsplan.planners.protocol import ROUNDING, unusable
+from obsplan.types import Belief, Decision, Pose
+from obsplan.vehicles import Unicycle
+
+MOST_TURNS = 400  # of a mission
+ON_PLAN = 1e-3  # [m], [rad]; a vehicle nearer than that to where its plan has it follows it
+KEPT = 64  # plans of one planner
+PLACES = 9  # decimals [m], [m/s]: the same world seen from other axes is the same problem to the last bit
+MARGIN = 0.05  # kept from limits, in smallest turning radii: what a penalty leaves of a violation is less
+
+
+@dataclass(frozen=True)
+class WholeMission:
+    """Choose the turns of the whole mission at once for the least time mean of the AUVs' predicted position variance.
+
+    Planned once, from the surveys as filed, before the mission begins, and followed open loop: nothing measured changes it, nor does a
+    mission's noise. Each turn is held for ``segment``. Of ``starts`` descents along exact gradients, from the receding horizon's way,
+    orbits, constant and random turns, and the best itself shaken, the best local optimum is taken (`formulations.whole_mission`). Limits
+    hold for the surveys as filed; if no descent keeps them, the least violating is taken and the status says so. A vehicle that is not
+    where the plan has it gets a plan of its own for the rest of the mission, as if it began there. ``score`` is the mean weighted position
+    variance [m^2].
+    """
+
+    condition_label = ""
+
+    cna: Unicycle
+    _: KW_ONLY
+    filed: Annotated[Filed, "surveys and first covariances; the scenario's"]
+    ping_interval: Annotated[float, "time between ranges [s]; default: the scenario's"]
+    sigma: Annotated[float, "standard deviation of a range [m], or squared range [m^2]; default: the scenario's"]
+    heading_sigma: Annotated[float, "standard deviation of a measured heading [rad]; default: the scenario's"]
+    ranging_kind: Annotated[Literal["range", "squared-range"], "what is measured; default: the scenario's"] = "range"
+    segment: Annotated[float | None, "time a turn is held [s]; default: up to half the time between ranges, longer in long missions"] = None
+    starts: Annotated[int, "descents, at least 1"] = 24
+    search_seed: Annotated[int, "of the descents' random turns, at least 0"] = 1
+    constraints: Annotated[Constraints, "limits on the aid vehicle's position; the scenario's"] = UNLIMITED
+    decision_interval: Annotated[float, "time between decisions [s]; the scenario's"] = 1.0
+
+    def __post_init__(self) -> None:
+        for name, unit in (("ping_interval", "s"), ("sigma", "m"), ("heading_sigma", "rad"), ("decision_interval", "s")):
+            if not 0 < getattr(self, name) < np.inf:
+                raise ValueError(f"{name} must be positive and finite [{unit}], got {getattr(self, name)}")
+        for name, least in (("starts", 1), ("search_seed", 0)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name} must be at least {least}, got {getattr(self, name)}")
+        if self.segment is not None:
+            self._check_segment(self.segment)
+
+    def _check_segment(self, segment: float) -> None:
+        ratio = segment / self.decision_interval
+        if not (0.5 < ratio < np.inf and abs(ratio - round(ratio)) < ROUNDING):
+            raise ValueError(f"segment must be a whole multiple of the time between decisions, {self.decision_interval} s, got {segment} s")
+        if segment < self._least_segment * (1 - ROUNDING):
+            raise ValueError(f"segment must be at least {self._least_segment:.6g} s in a mission of this length, got {segment} s")
+
+    @property
+    def _least_segment(self) -> float:
+        """Shortest turn [s] of which no more than `MOST_TURNS` make the mission."""
+        return max(1, int(np.ceil(self.filed.time[-1] / MOST_TURNS / self.decision_interval - ROUNDING))) * self.decision_interval
+
+    @property
+    def turn_duration(self) -> float:
+        """Time each turn is held [s]: two between ranges take the vehicle to any place it can reach."""
+        if self.segment is not None:
+            return self.segment
+        return max(self._least_segment, np.floor(0.5 * self.ping_interval / self.decision_interval + ROUNDING) * self.decision_interval)
+
+    def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
+        """Look up the turn of this time in the plan that the pose is on."""
+        return unusable(self, pose, auvs) or self.voyage(pose, time=time).decision(pose, time, len(auvs))
+
+    def voyage(self, pose: Pose, *, time: float = 0.0) -> "Voyage":
+        """The plan that a pose at a time is on; it is made where there is none."""
+        made = _voyages(self)
+        for voyage in made:
+            if voyage.passes(pose, time):
+                return voyage
+        made.insert(0, self._made(pose, time))
+        del made[KEPT:]
+        return made[0]
+
+    def _made(self, pose: Pose, time: float) -> "Voyage":
+        frame = Frame.of(pose, self.filed)
+        first = min(round(time / self.filed.time_step), self.filed.time.size - 2)
+        plan = optimise(
+            self._mission(frame, first),
+            hold=round(self.turn_duration / self.filed.time_step),
+            count=self.starts,
+            random=np.random.default_rng(self.search_seed),
+            violation=Limits(self, frame, first) if self.constraints else None,
+            margin=MARGIN * self.cna.min_turn_radius,
+        )
+        return Voyage(self.cna, pose, time, frame.mirror * plan.turn_rates, plan.hold * self.filed.time_step, plan)
+
+    def _mission(self, frame: "Frame", first: int) -> Mission:
+        """What is known from a sample on, as seen by the vehicle there."""
+        filed, every = self.filed, round(self.ping_interval / self.filed.time_step)
+        after = slice(first, None)
+        courses = np.stack([np.cos(filed.heading[after]), np.sin(filed.heading[after])], axis=-1)
+        total = filed.weights.sum()
+        return Mission(
+            time_step=filed.time_step,
+            position=np.round(frame.seen(filed.position[after] - frame.origin), PLACES),
+            heading=np.round(frame.seen(courses), PLACES),
+            speed=np.round(filed.speed[after], PLACES),
+            covariance=filed.covariance,
+            process_noise=filed.process_noise,
+            weights=filed.weights / total if total > 0 else np.full(filed.weights.size, 1 / filed.weights.size),
+            compass=self.heading_sigma,
+            ranging=Ranging(self.sigma, self.ranging_kind == "squared-range"),
+            pings=np.arange(first // every * every + every, filed.time.size, every) - first,
+            start=np.zeros(3),
+            cna_speed=self.cna.speed,
+            max_turn_rate=self.cna.max_turn_rate,
+        )
+
+
+@lru_cache(maxsize=64)
+def _voyages(planner: WholeMission) -> "list[Voyage]":  # noqa: ARG001 - the key
+    """Plans made for a planner in this process, the newest first: missions that differ in noise fly the same one."""
+    return []
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """The world as the vehicle sees it: ahead and abeam, abeam counted to the side where the AUVs are."""
+
+    origin: Float[np.ndarray, "2"]
+    axes: Float[np.ndarray, "2 2"]  # ahead and abeam, as rows
+    mirror: float  # -1 where abeam is to the right
+
+    @classmethod
+    def of(cls, pose: Pose, filed: Filed) -> "Frame":
+        """The frame at a pose: worlds that are each other's mirror images look the same."""
+        origin, cos, sin = np.array([pose.x, pose.y]), np.cos(pose.heading), np.sin(pose.heading)
+        to_the_left = (filed.position - origin).mean(axis=0) @ [-sin, cos] @ filed.weights
+        mirror = -1.0 if to_the_left < -(10.0**-PLACES) else 1.0
+        return cls(origin, np.array([[cos, sin], [-sin * mirror, cos * mirror]]), mirror)
+
+    def seen(self, vectors: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch 2"]:
+        """Vectors of the world in this frame."""
+        return vectors @ self.axes.T
+
+    def back(self, positions: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch 2"]:
+        """Positions in this frame in the world."""
+        return self.origin + positions @ self.axes
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """How far positions in the vehicle's frame break the limits at times since a sample, the AUVs being where they filed to be."""
+
+    planner: WholeMission
+    frame: Frame
+    first: int
+
+    def __call__(self, positions: Float[np.ndarray, "*batch 2"], time: Float[np.ndarray, " *samples"]) -> Float[np.ndarray, "*batch"]:
+        """Violation [m], half the way between two samples added."""
+        limits, filed, world = self.planner.constraints, self.planner.filed, np.ascontiguousarray(self.frame.back(positions))
+        at = (time / filed.time_step + self.first).round().astype(int).clip(max=filed.time.size - 1)
+        distance = np.linalg.norm(world[..., None, :] - filed.position[at], axis=-1)
+        apart = np.maximum(limits.min_separation - distance, distance - limits.max_separation).max(axis=-1)
+        limited = limits.min_separation > 0 or limits.max_separation < np.inf
+        fixed = limits.fixed_violation(world)
+        return (np.maximum(fixed, apart) if limited else fixed) + 0.5 * self.planner.cna.speed * filed.time_step
+
+
+@dataclass(frozen=True, eq=False)
+class Voyage:
+    """A plan in the world, from where and when it begins."""
+
+    cna: Unicycle
+    start: Pose
+    begin: float  # [s]
+    turn_rates: Float[np.ndarray, " n"]  # [rad/s]
+    duration: float  # of each turn [s]
+    plan: Plan
+
+    def passes(self, pose: Pose, time: float) -> bool:
+        """Whether the plan has the vehicle at a pose at a time."""
+        if time < self.begin:
+            return False
+        x, y, heading = self.poses(self.start, self.begin, time)[-1]
+        turned = np.remainder(heading - pose.heading + np.pi, 2 * np.pi) - np.pi
+        return bool(np.hypot(x - pose.x, y - pose.y) < ON_PLAN and abs(turned) < ON_PLAN)
+
+    def poses(self, pose: Pose, begin: float, end: float) -> Float[np.ndarray, "some 3"]:
+        """Poses (east, north, heading) at the ends of the turns between two times, from a pose on."""
+        edges = self.begin + np.arange(1, self.turn_rates.size) * self.duration
+        times = np.concatenate([[begin], edges[(edges > begin + ROUNDING) & (edges < end - ROUNDING)], [max(begin, end)]])
+        stages = Stages(np.diff(times), np.zeros(times.size - 1))
+        turns = np.array([self.turn_rate(float(time)) for time in times[:-1]])
+        return manoeuvre_path(pose, Manoeuvre(turns, np.nan, 0.0, 0.0), stages, self.cna.speed)
+
+    def turn_rate(self, time: float) -> float:
+        """Turn rate [rad/s] from a time on; after the mission the last one."""
+        turn = int(np.floor((time - self.begin) / self.duration + ROUNDING))
+        return float(self.turn_rates[min(max(turn, 0), self.turn_rates.size - 1)])
+
+    def decision(self, pose: Pose, time: float, n_auvs: int) -> Decision:
+        """The turn of this time, and the path from here to the mission's end."""
+        end = max(self.begin + self.turn_rates.size * self.duration, time + self.duration)
+        return Decision(
+            turn_rate=self.turn_rate(time),
+            speed=self.cna.speed,
+            path=self.poses(pose, time, end),
+            score=self.plan.score,
+            status=self.plan.status,
+            condition=np.full(n_auvs, np.nan),
+        )
