@@ -14,6 +14,7 @@ from formulations.solution import Status
 from obsplan.planners import DEFAULT_PLANNER, PLANNERS, name_of, planner_class
 from obsplan.planners.protocol import columns, compiled, expression_of
 
+TURN_TOLERANCE = {"trajectory": 1e-6}  # [rad/s]: its solvers stop at 1e-8 of the optimality conditions, to be divided by the curvature
 ONE_SIDED = {"circle", "random"}  # go their way in a mirror, too: the mirror image is another planner
 BESIDES = [("path-inertia", {"gamma": 0.0}), ("path-inertia", {"change_weight": 0.5}), ("path-inertia", {"max_radius": 8.0})]
 
@@ -140,7 +141,7 @@ def test_planner_turns_with_the_world(name, options):
         there, moved = turned(pose, legs, 0.7, np.array([31.0, -17.0]))
         here = built(name, options, legs).plan(pose, beliefs(legs))
         elsewhere = built(name, options, moved).plan(there, beliefs(moved))
-        assert elsewhere.turn_rate == pytest.approx(here.turn_rate, abs=1e-9)
+        assert elsewhere.turn_rate == pytest.approx(here.turn_rate, abs=TURN_TOLERANCE.get(name, 1e-9))
         assert elsewhere.speed == pytest.approx(here.speed, abs=1e-9)
         np.testing.assert_allclose(elsewhere.condition, here.condition, rtol=1e-3)  # empirical: 1e-10 / epsilon, times the condition
 
@@ -154,7 +155,7 @@ def test_planner_turns_the_other_way_in_the_mirror(name, options):
         pose, legs = world(rng)
         there, moved = mirrored(pose, legs)
         here, mirror = (built(name, options, at).plan(p, beliefs(at)) for p, at in ((pose, legs), (there, moved)))
-        assert mirror.turn_rate == pytest.approx(-here.turn_rate, abs=1e-9)
+        assert mirror.turn_rate == pytest.approx(-here.turn_rate, abs=TURN_TOLERANCE.get(name, 1e-9))
 
 
 @every_planner

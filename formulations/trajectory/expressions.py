@@ -105,11 +105,9 @@ def symbols(blocks: dict[str, tuple[int, int]], name: str) -> tuple[SX, dict[str
 
 def sinc(z: SX) -> SX:
     """Return sin(z)/z with derivatives that keep their digits at 0."""
-    short = ca.fabs(z) < 1.0
-    term = series = ca.SX(1.0)
-    for n in range(1, SERIES_TERMS):
-        term = -term * z**2 / (2 * n * (2 * n + 1))
-        series = series + term
+    short, series = ca.fabs(z) < 1.0, ca.SX(1.0)
+    for n in range(SERIES_TERMS - 1, 0, -1):  # Horner: each operation is differentiated twice
+        series = 1 - z**2 / (2 * n * (2 * n + 1)) * series
     far = ca.if_else(short, 1.0, z)
     return ca.if_else(short, series, ca.sin(far) / far)
 

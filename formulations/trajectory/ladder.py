@@ -8,6 +8,7 @@ better than it.
 """
 
 from collections.abc import Callable
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -99,8 +100,7 @@ def optimise(
     search = Search(task, body, chosen(body, np.flatnonzero(task.weights > 0)), objective, limits)
     shifted = None if last is None else Controls(last.turn_rates * task.time, last.speeds / task.speed[1])
     tried = _judged(search, *manoeuvres(search.heard, objective, shifted, _positions(search)))
-    k = _best(search, tried)
-    best = _judged(search, tried.turn_rates[[k]], tried.speeds[[k]], CHECKS)
+    k, best = _best(search, tried)
     for starts, solver, status in _rungs(tried, k, best, warm=last is not None):
         if hurry():
             break
@@ -146,26 +146,27 @@ def _solved(search: Search, solver: str, start: Controls, side: float, best: Can
     return found if found.violation[0] <= TOLERANCE and merit <= bar + WORSE * max(fed.unit, abs(bar)) else None
 
 
-def _best(search: Search, tried: Candidates) -> int:
-    """The manoeuvre that breaks the limits least, of those that do not the cheapest, whose path bears a closer look."""
+def _best(search: Search, tried: Candidates) -> tuple[int, Candidates]:
+    """The manoeuvre that breaks the limits least, of those that do not the cheapest, whose path bears a closer look; and that look."""
     broken = np.where(tried.violation <= TOLERANCE, 0.0, tried.excess)
     order = np.lexsort((tried.score, broken))
-    for k in order[broken[order] == 0] if search.limits is not None else order[:0]:
-        closer = _judged(search, tried.turn_rates[[k]], tried.speeds[[k]], CHECKS)
-        if closer.violation[0] <= TOLERANCE:
-            return int(k)
-    return int(order[0])
+    looked = ((int(k), _judged(search, tried.turn_rates[[k]], tried.speeds[[k]], CHECKS)) for k in order)
+    for found in islice(looked, int(np.sum(broken == 0))):
+        if found[1].violation[0] <= TOLERANCE:
+            return found
+    k = order[0]
+    return int(k), _judged(search, tried.turn_rates[[k]], tried.speeds[[k]], CHECKS)
 
 
 def _judged(search: Search, turn_rates: Float[np.ndarray, "K N"], speeds: Float[np.ndarray, "K N"], points: int = 2) -> Candidates:
-    """Sequences followed, scored, and held against the limits at so many points of each stage."""
-    path = follow(search.body, turn_rates, speeds)
-    score = scores(search.heard, path, search.objective) @ search.heard.weights
+    """Sequences followed, scored, and held against the limits at so many points of each stage, an even number."""
+    path = follow(search.body, turn_rates, speeds, points)
+    each = points // 2
+    score = scores(search.heard, Path(path.poses[:, ::each], path.times[::each]), search.objective) @ search.heard.weights
     nothing = np.zeros(len(score))
     if search.limits is None:
         return Candidates(turn_rates, speeds, score, nothing, nothing, nothing + 1.0)
-    finer = path if points == 2 else follow(search.body, turn_rates, speeds, points)
-    world = _world(search.world, finer)
+    world = _world(search.world, path)
     along = search.limits.along(world.poses[:, 1:, :2], world.times[1:])
     after = search.limits.after(world.poses[:, -1])
     broken = np.concatenate([along, after.min(axis=1)[:, None]], axis=1)

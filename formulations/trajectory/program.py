@@ -16,6 +16,7 @@ from .expressions import Shape, dynamics, final_cost, limits, running_cost, stag
 SOLVERS = ("fatrop", "ipopt")
 TOLERANCE = 1e-8  # of the optimality conditions, in units of the task
 FIRST_BARRIER = 1e-4  # of fatrop: a larger one leaves the neighbourhood of a good start, whose turns are often at their limit
+MOST_INFEASIBLE, MOST_OF_MOMENTS = 1.0, 100.0  # sum of gaps: past it covariances turn indefinite, and fatrop may restore for ever
 SLACK_START = 1e-2  # above what the guess needs: interior
 
 SX = Any
@@ -59,7 +60,8 @@ class Program:
             cost += self._task["slack_weight"] * U[k][-1] * s["duration"] if self.shape.limited else 0.0
             rows += [X[k + 1] - dynamics(X[k], U[k], s, self._task, self.shape), *self._limits(X[k], U[k], k)]
         variables = ca.vertcat(*(v for pair in zip(U, X[1:], strict=True) for v in pair))
-        return {"x": variables, "p": self._p, "f": cost, "g": ca.vertcat(*rows)}
+        cost, limited = ca.cse([cost, ca.vertcat(*rows)])  # arcs shared by dynamics and limits: halves the Hessian
+        return {"x": variables, "p": self._p, "f": cost, "g": limited}
 
     def _limits(self, x: SX, u: SX, k: int) -> list[SX]:
         soft, hard = limits(x, u, self._stages[k][1], self._task, self.shape, last=k == self.shape.stages - 1)
@@ -95,7 +97,8 @@ class Program:
         """Compile a solver when it is first needed."""
         if name not in self._solvers:
             plain = {"print_time": False, "show_eval_warnings": False, "error_on_fail": False}
-            own: dict[str, Any] = {"print_level": 0, "tol": TOLERANCE, "max_iter": self.max_iterations}
+            most = MOST_INFEASIBLE if self.shape.objective == "covariance" else MOST_OF_MOMENTS
+            own: dict[str, Any] = {"print_level": 0, "tol": TOLERANCE, "max_iter": self.max_iterations, "theta_max_fact": most}
             if name == "ipopt":
                 options = {**plain, "ipopt": {**own, "sb": "yes"}}
             else:

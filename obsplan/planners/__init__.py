@@ -10,6 +10,7 @@ PLANNERS = {
     "path-inertia": "obsplan.planners.path_inertia:PathInertia",
     "gramian": "obsplan.planners.gramian:GramianHorizon",
     "information": "obsplan.planners.information:InformationHorizon",
+    "trajectory": "obsplan.planners.trajectory:Trajectory",
     "error-ellipse": "obsplan.planners.error_ellipse:ErrorEllipse",
     "centroid-orbit": "obsplan.planners.centroid_orbit:CentroidOrbit",
     "trail": "obsplan.planners.trail:Trail",
