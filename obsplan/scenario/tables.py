@@ -141,7 +141,7 @@ class KeepOut(Table):
 
 
 class ConstraintsTable(Table):
-    """Where the aid vehicle may be; planners that look ahead keep to it, the others are reported."""
+    """Where the aid vehicle may be: some planners plan within it, the others are kept within it."""
 
     keep_out: tuple[KeepOut, ...] = Field(default=(), description="areas not to enter")
     geofence: tuple[tuple[float, float], ...] | None = Field(default=None, description="corners of the area not to leave [east, north] [m]")
