@@ -84,7 +84,7 @@ def compare_suite(planners: list[str], runs: int, seed: int | None, settings: li
     import numpy as np
 
     from obsplan.campaign import fly_campaign, load_campaign, plan_cells
-    from obsplan.report import suite_table, write_suite
+    from obsplan.report import scenario_table, suite_table, write_suite
     from obsplan.report.suite import decision_time, least_error, read_suite
     from obsplan.scenario import load, suite
 
@@ -96,6 +96,7 @@ def compare_suite(planners: list[str], runs: int, seed: int | None, settings: li
     result = read_suite(load_campaign(out), bounds, times)
     files = write_suite(result, out)
     show(suite_table(result))
+    show(scenario_table(result))
     say(f"Written to {out}{'' if out.is_absolute() else '/'}: {', '.join(files)}, campaign.csv.")
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from obsplan.report.suite import decision_time, least_error, read_suite, suite_figure, suite_table, write_suite
+from obsplan.report.suite import decision_time, least_error, read_suite, scenario_table, suite_figure, suite_table, write_suite
 from obsplan.scenario import load, shipped, suite
 
 
@@ -50,6 +50,20 @@ def test_the_lowest_median_wins_and_what_is_not_distinguishable_ties(two):
     assert planners.loc["good", "efficiency"] == pytest.approx(0.5)
     assert list(result.planners["planner"]) == ["good", "bad"]
     assert "2.00" in str([column._cells for column in suite_table(result).columns])
+
+
+def test_the_best_on_the_whole_stands_beside_the_best_other_of_each_scenario(two):
+    three = pd.concat([two, table({("a", "ugly"): [9.0] * 20, ("b", "ugly"): [0.5] * 20})])
+    result = read_suite(three, {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0, "ugly": 3.0})
+    columns = {column.header: list(column.cells) for column in scenario_table(result).columns}
+    assert result.planners["planner"][0] == "good"
+    assert columns["Scenario"] == ["a", "b"]
+    assert columns["Best other"] == ["bad", "ugly"]
+    assert columns["Ratio"] == ["0.50", "2.00"]
+    assert max(map(float, columns["p"])) < 1e-5  # of all 20 seeds, both times
+    assert columns["Efficiency"] == ["0.50", "0.50"]
+    alone = read_suite(two[two["planner"] == "good"], {"a": 0.25, "b": 0.25}, {"good": 1.0})
+    assert [list(column.cells) for column in scenario_table(alone).columns][2] == ["", ""]
 
 
 def test_suite_is_written_without_what_differs_between_machines(two, tmp_path):

@@ -12,6 +12,7 @@ _HOME = {
     "map_figure": "map",
     "planner_notes": "verdict",
     "run_table": "tables",
+    "scenario_table": "suite",
     "suite_table": "suite",
     "verdicts": "verdict",
     "write_campaign_report": "campaign",

@@ -112,6 +112,25 @@ def suite_table(suite: Suite) -> "Table":
     return table
 
 
+def scenario_table(suite: Suite) -> "Table":
+    """Tabulate, scenario by scenario, the planner that is best on the whole beside the best of the others."""
+    from rich.table import Table
+
+    first = suite.planners["planner"].iloc[0]
+    table = Table(
+        "Scenario", "RMS [m]", "Best other", "RMS [m]", "Ratio", "p", "Efficiency", title=f"{first}, by scenario", title_justify="left"
+    )
+    for name, cells in suite.cells.groupby("scenario"):
+        own, others = cells[cells["planner"] == first].iloc[0], cells[cells["planner"] != first].dropna(subset=["rms_error_m"])
+        errors, rival = f"{own.rms_error_m:.2f}", ("", "", "", "")
+        if len(others):
+            other = others.loc[others["rms_error_m"].idxmin()]
+            p = other.p if own.ratio == 1.0 else own.p
+            rival = (str(other.planner), f"{other.rms_error_m:.2f}", f"{own.rms_error_m / other.rms_error_m:.2f}", f"{p:.2g}")
+        table.add_row(str(name), errors, *rival, f"{own.efficiency:.2f}")
+    return table
+
+
 def suite_figure(suite: Suite) -> "Figure":
     """Draw every planner in every scenario: its median RMS error, coloured by how many times the best it is."""
     from matplotlib.colors import LogNorm
