@@ -1,0 +1,302 @@
+"""Whole missions planned before they begin: covariances, gradients, optima, and what is flown."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from oracles import Silent, arc, recording, scenario
+
+import obsplan as op
+from formulations.manoeuvre_search import Ranging
+from formulations.solution import Status
+from formulations.whole_mission import Mission, optimise
+from formulations.whole_mission.covariance import PredictedVariance
+from formulations.whole_mission.path import Turns
+from formulations.whole_mission.search import Objective
+from formulations.whole_mission.starts import starts
+from obsplan.constraints import Constraints, Disc
+
+RNG = np.random.default_rng
+
+
+def mission(*, steps=60, auvs=2, every=5, squared=False, seed=0, **change):
+    """AUVs that wander about the origin, some 30 m from the aid vehicle."""
+    rng = RNG(seed)
+    psi = rng.uniform(-3, 3, auvs) + np.cumsum(rng.normal(0, 0.1, (steps + 1, auvs)), axis=0)
+    heading, speed = np.stack([np.cos(psi), np.sin(psi)], axis=-1), rng.uniform(0.5, 1.5, (steps + 1, auvs))
+    moves = 0.5 * speed[:-1, :, None] * heading[:-1]
+    given = {
+        "time_step": 0.5,
+        "position": rng.normal(0, 10, (auvs, 2)) + np.concatenate([np.zeros((1, auvs, 2)), np.cumsum(moves, axis=0)]),
+        "heading": heading,
+        "speed": speed,
+        "covariance": np.stack([np.diag([9.0, 4.0, 0.01, 0.04])] * auvs),
+        "process_noise": np.tile([0.1, 0.1, 0.01, 0.03], (auvs, 1)),
+        "weights": np.arange(1.0, auvs + 1) / np.arange(1.0, auvs + 1).sum(),
+        "compass": 0.02,
+        "ranging": Ranging(30.0 if squared else 1.0, squared),
+        "pings": np.arange(every, steps + 1, every),
+        "start": np.array([-30.0, 5.0, 0.3]),
+        "cna_speed": 2.0,
+        "max_turn_rate": 0.3,
+    }
+    return Mission(**{**given, **change})
+
+
+def followed(m, w, hold):
+    """Poses at all samples, arc by arc in complex numbers."""
+    poses = [m.start]
+    for k in range(m.steps):
+        poses.append(arc(poses[-1], w[k // hold] * m.max_turn_rate, m.cna_speed, m.time_step))
+    return np.array(poses)
+
+
+def filtered(m, x):
+    """Position variance of each AUV at every sample, before and after its ranges: the filter sample by sample, in information form."""
+    before, after = [], []
+    P, dt = m.covariance.copy(), m.time_step
+    for k in range(1, m.steps + 1):
+        for i in range(len(P)):
+            (c, s), v = m.heading[k - 1, i], m.speed[k - 1, i]
+            F = np.eye(4)
+            F[:2, 2:] = dt * np.array([[-v * s, c], [v * c, s]])
+            P[i] = F @ P[i] @ F.T + np.diag(m.process_noise[i] ** 2 * dt)
+            P[i] = np.linalg.inv(np.linalg.inv(P[i]) + np.diag([0, 0, m.compass**-2, 0]))
+        before.append(np.trace(P[:, :2, :2], axis1=1, axis2=2))
+        for i in range(len(P)) if k in m.pings else ():
+            away = x[k] - m.position[k, i]
+            d = math.hypot(*away)
+            if m.ranging.squared:  # of |away + e|^2 - |away|^2 - 2 away.e = |e|^2, the mean square
+                second = np.trace(P[i, :2, :2]) ** 2 + 2 * np.trace(P[i, :2, :2] @ P[i, :2, :2])
+                H, R = 2 * away, m.ranging.sigma**2 + second
+            else:
+                across = np.array([-away[1], away[0]]) / d
+                H, R = away / d, m.ranging.sigma**2 + 3 * (across @ P[i, :2, :2] @ across / (2 * d)) ** 2
+            H = np.array([*H, 0.0, 0.0])
+            P[i] = np.linalg.inv(np.linalg.inv(P[i]) + np.outer(H, H) / R)
+        after.append(np.trace(P[:, :2, :2], axis1=1, axis2=2))
+    return np.array(before), np.array(after)
+
+
+def mean_variance(m, x):
+    """Time mean of the weighted variance by the trapezoid rule over all samples, each interval from after a range to before the next."""
+    before, after = filtered(m, x)
+    begin = np.concatenate([[np.trace(m.covariance[:, :2, :2], axis1=1, axis2=2)], after[:-1]])
+    return float(np.mean(0.5 * (begin + before) @ m.weights))
+
+
+@pytest.mark.parametrize("squared", [False, True])
+@pytest.mark.parametrize("every", [4, 5])
+def test_mean_variance_is_that_of_the_filter_sample_by_sample(squared, every):
+    m = mission(squared=squared, every=every)
+    w = RNG(1).uniform(-1, 1, 30)
+    x = followed(m, w, 2)[:, :2]
+    value, _ = PredictedVariance(m)(x[m.stages.end])
+    # Simpson's rule against the trapezoid's: the variance between ranges bends by less than 1 % of itself over a sample
+    assert value == pytest.approx(mean_variance(m, x), rel=1e-3)
+
+
+def test_covariance_before_the_last_range_is_the_filters_to_rounding():
+    m = mission(steps=50, auvs=1, every=7)
+    x = followed(m, RNG(2).uniform(-1, 1, 50), 1)[:, :2]
+    last_moment = np.zeros_like(m.stages.share)
+    last_moment[-1, 2] = 1.0  # nothing counts but the end of the last stage
+    m.__dict__["stages"] = m.stages._replace(share=last_moment)
+    assert PredictedVariance(m)(x[m.stages.end])[0] == pytest.approx(filtered(m, x)[0][-1, 0], rel=1e-10)
+
+
+def test_many_ranges_taken_together_tell_nearly_as_much_as_one_by_one():
+    sure = np.diag([0.04, 0.04, 1e-4, 1e-4])[None]  # one by one, ranges do not share their second-order error
+    m = mission(steps=2000, every=2, auvs=1, time_step=0.05, max_turn_rate=0.2, covariance=sure)
+    assert len(m.stages.end) < 400 < len(m.pings)
+    assert m.stages.pings.sum() == len(m.pings)
+    x = followed(m, np.full(2000, 0.8), 1)[:, :2]
+    assert PredictedVariance(m)(x[m.stages.end])[0] == pytest.approx(mean_variance(m, x), rel=0.01)
+
+
+def test_path_is_on_exact_arcs():
+    m = mission()
+    w = RNG(3).uniform(-1, 1, 9)
+    np.testing.assert_allclose(Turns(m, 7).poses(w), followed(m, w, 7), atol=1e-11)
+
+
+@pytest.mark.parametrize("hold", [1, 7])
+@pytest.mark.parametrize("limited", [False, True])
+def test_gradient_is_the_difference_quotient(hold, limited):
+    m = mission()
+    turns = Turns(m, hold)
+    out = (lambda x, _: 20.0 - np.hypot(x[..., 0], x[..., 1])) if limited else None
+    objective = Objective(turns, PredictedVariance(m), out, 5.0)
+    w = RNG(4).uniform(-1, 1, turns.count) * (np.arange(turns.count) % 3 > 0)  # some straight on, where the arc's formula is 0/0
+    _, gradient = objective.penalised(w, 10.0)
+    step = 1e-5  # error of the quotient: step^2, and 1e-15 / step of rounding
+    ahead, behind = ([objective.penalised(w + sign * step * e, 10.0)[0] for e in np.eye(w.size)] for sign in (1, -1))
+    np.testing.assert_allclose(gradient, (np.array(ahead) - behind) / (2 * step), rtol=1e-5, atol=1e-6)
+
+
+def test_plan_is_no_worse_than_any_start_and_keeps_the_turning_limit():
+    m = mission(steps=80)
+    plan = optimise(m, hold=4, count=20, random=RNG(5))
+    begun = list(starts(Turns(m, 4), RNG(5), None))
+    scores = [PredictedVariance(m)(followed(m, w, 4)[m.stages.end, :2])[0] for w in begun]
+    np.testing.assert_allclose(plan.start_scores, scores, rtol=1e-9)
+    assert plan.score <= min(scores)
+    assert np.abs(plan.turn_rates).max() <= m.max_turn_rate
+    assert plan.score == pytest.approx(
+        PredictedVariance(m)(followed(m, plan.turn_rates / m.max_turn_rate, 4)[m.stages.end, :2])[0], rel=1e-9
+    )
+    assert plan.status in (Status.OPTIMAL, Status.INACCURATE)
+
+
+def test_more_descents_are_never_worse():
+    m = mission(steps=90, seed=3)
+    scores = [optimise(m, hold=4, count=count, random=RNG(5)).score for count in (1, 8, 22)]
+    assert scores == sorted(scores, reverse=True)
+
+
+def moored(radius):
+    """An AUV at rest, known as well east as north and ranged every 10 s by a vehicle of 1 m/s that starts on a circle about it."""
+    steps = 400
+    at_rest = {
+        "position": np.zeros((steps + 1, 1, 2)),
+        "heading": np.ones((steps + 1, 1, 2)) * [1.0, 0.0],
+        "speed": np.zeros((steps + 1, 1)),
+    }
+    known = {"covariance": np.diag([0.5, 0.5, 1e-4, 1e-6])[None], "process_noise": np.array([[0.05, 0.05, 0.0, 0.0]]), "compass": 0.02}
+    where = {"start": np.array([radius, 0.0, np.pi / 2]), "cna_speed": 1.0, "max_turn_rate": 0.5}
+    return mission(steps=steps, auvs=1, every=10, time_step=1.0, **at_rest, **known, **where)
+
+
+def test_plan_about_an_auv_at_rest_sees_it_at_right_angles_and_beats_every_circle():
+    radii, seconds = np.arange(2.0, 40.0, 0.25), np.arange(401.0)
+    circles = [radius * np.stack([np.cos(seconds / radius), np.sin(seconds / radius)], axis=-1) for radius in radii]
+    scores = [mean_variance(moored(radius), circle) for radius, circle in zip(radii, circles, strict=True)]
+    best = radii[np.argmin(scores)]
+    assert best == pytest.approx(10.0 / (np.pi / 2), abs=0.5)  # a quarter of a turn between ranges; 0.5: farther off, the sagitta is less
+    plan = optimise(moored(best), hold=5, count=19, random=RNG(6))
+    assert plan.score <= min(scores) * (1 + 1e-3)  # of the rules of integration
+    sight = followed(moored(best), plan.turn_rates / 0.5, 5)[10::10, :2]
+    turned = np.diff(np.unwrap(np.arctan2(sight[:, 1], sight[:, 0])))
+    assert np.degrees(np.median(np.arccos(np.abs(np.cos(turned))))) > 75.0
+
+
+def small(starts=10, **change):
+    """A mission short enough to plan in a second, its AUVs as the planner expects them."""
+    planner = {"kind": "whole-mission", "interval": 1.0, "knowledge": "truth", "starts": starts}
+    return scenario(planner=planner, duration=40.0, **change)
+
+
+def silent(monkeypatch):
+    """Missions without noise."""
+    monkeypatch.setattr("obsplan.simulation.inputs.streams", lambda _: (Silent(), Silent(), Silent()))
+
+
+def predicted(run):
+    """Time mean of the filters' own position variance [m^2], over the weights."""
+    return float(np.mean(run.covariance[..., 0, 0] + run.covariance[..., 1, 1]))
+
+
+def test_score_is_what_the_filters_say_where_nothing_is_disturbed(monkeypatch):
+    silent(monkeypatch)
+    run = op.simulate(small(auv__0__first_estimate={"sigma_position": 0.5}, auv__1__first_estimate={"sigma_position": 0.5}))
+    # the filters leave out the second-order error, here about (0.4^2 / 30)^2 of sigma^2; their samples come after the ranges
+    assert predicted(run) == pytest.approx(run.score[0], rel=0.1)
+    assert predicted(run) < run.score[0]
+
+
+def test_mission_known_beforehand_goes_no_worse_than_with_the_receding_horizon(monkeypatch):
+    silent(monkeypatch)
+    for change in ({"ranging__interval": 6.0}, {"cna__start": {"x": -30.0, "y": 30.0, "heading_deg": 0.0}}):
+        whole = op.simulate(small(**change))
+        receding = op.simulate(small(**change), planner="information")
+        assert predicted(whole) <= predicted(receding) * 1.005  # 0.005: what the filters leave out and the score counts
+
+
+def test_plan_depends_on_no_noise_and_is_flown_to_the_letter():
+    mission = small()
+    one, other = (op.simulate(mission, seed=seed) for seed in (1, 2))
+    np.testing.assert_array_equal(one.turn_rate, other.turn_rate)
+    np.testing.assert_array_equal(one.cna, other.cna)
+    assert not np.array_equal(one.mean, other.mean)
+    assert np.abs(one.turn_rate).max() <= mission.cna.max_turn_rate
+    assert len(set(one.score[:-1:2])) == 1  # one plan, from the first decision to the last
+    again = op.simulate(small(), seed=1)
+    assert recording(again) == recording(one)
+
+
+def test_vehicle_off_its_plan_gets_one_for_the_rest_of_the_mission():
+    mission = small()
+    planner, pose = mission.planner(), mission.start
+    whole = planner.voyage(pose)
+    along = whole.poses(pose, 0.0, 20.0)[-1]
+    assert planner.voyage(op.Pose(*map(float, along)), time=20.0) is whole
+    rest = planner.voyage(op.Pose(float(along[0]) + 3.0, *map(float, along[1:])), time=20.0)
+    assert rest is not whole
+    assert rest.turn_rates.size == whole.turn_rates.size - 20
+    assert planner.voyage(pose) is whole
+
+
+def test_path_of_a_decision_leads_to_the_missions_end():
+    mission = small()
+    planner = mission.planner()
+    decision = planner.plan(mission.start, [op.Belief.at(0.0, 0.0)])
+    pose, turns = (mission.start.x, mission.start.y, mission.start.heading), planner.voyage(mission.start).turn_rates
+    for turn in turns:
+        pose = arc(pose, turn, 2.0, planner.turn_duration)
+    np.testing.assert_allclose(decision.path[-1], pose, atol=1e-9)
+    after = planner.plan(op.Pose(*map(float, decision.path[-1])), [op.Belief.at(0.0, 0.0)], time=100.0)
+    assert math.isfinite(after.turn_rate)
+
+
+def test_limits_are_kept_along_the_surveys_as_filed(monkeypatch):
+    silent(monkeypatch)
+    free = op.simulate(small())
+    x, y = map(float, free.cna[len(free.cna) // 2, :2])  # where it would go
+    disc = {"x": x, "y": y, "radius": 6.0}
+    for limits in ({"keep_out": (disc,)}, {"keep_out": (disc,), "min_separation": 10.0}):
+        run = op.simulate(small(starts=4, constraints=limits))
+        assert free.scenario.constraints.keep_out == ()
+        assert Disc(**disc).signed_distance(free.cna[:, :2]).min() < 0
+        assert run.violation.max() <= 0
+        assert set(run.status_counts) <= {"optimal", "inaccurate", "best-manoeuvre"}
+        assert predicted(run) >= predicted(free) * 0.995
+
+
+def test_limits_that_cannot_be_kept_are_said_to_be_violated():
+    run = op.simulate(small(starts=2, constraints={"max_separation": 20.0}))  # it starts 80 m away
+    assert run.status_counts == {"violated": 40}
+    assert np.abs(run.turn_rate).max() <= 0.4
+
+
+def test_options_out_of_range_are_refused_by_name_value_and_remedy():
+    planner = small().planner()
+    for change, words in (
+        ({"starts": 0}, "starts must be at least 1, got 0"),
+        ({"search_seed": -1}, "search_seed must be at least 0, got -1"),
+        ({"segment": 1.5}, r"segment must be a whole multiple of the time between decisions, 1.0 s, got 1.5 s"),
+        ({"segment": 0.0}, r"segment must be a whole multiple .*, got 0.0 s"),
+        ({"sigma": float("nan")}, r"sigma must be positive and finite \[m\], got nan"),
+        ({"heading_sigma": 0.0}, r"heading_sigma must be positive and finite \[rad\], got 0.0"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            replace(planner, **change)
+    with pytest.raises(op.ObsplanError, match=r"planner: segment must be at least 2 s in a mission of this length, got 1.0 s"):
+        scenario(planner={"kind": "whole-mission", "interval": 1.0, "segment": 1.0}, duration=500.0)
+
+
+def test_turns_last_half_the_time_between_ranges_and_are_bounded_in_number():
+    assert small().planner().turn_duration == 1.0
+    assert small(ranging__interval=7.0).planner().turn_duration == 3.0
+    long = scenario(planner={"kind": "whole-mission", "interval": 1.0}, duration=4000.0, ranging={"interval": 4.0})
+    assert long.planner().turn_duration == 10.0
+    asked = scenario(planner={"kind": "whole-mission", "interval": 1.0, "segment": 5.0}, duration=60.0)
+    assert asked.planner().turn_duration == 5.0
+    assert asked.planner().voyage(asked.start).turn_rates.size == 12
+
+
+def test_more_freedom_in_the_turns_and_other_random_ones_are_other_plans():
+    coarse, fine = (small().planner().voyage(small().start), replace(small().planner(), segment=5.0).voyage(small().start))
+    assert coarse.plan.score < fine.plan.score
+    other = replace(small().planner(), search_seed=2, constraints=Constraints())
+    assert other.voyage(small().start).plan.score == pytest.approx(coarse.plan.score, rel=0.02)
