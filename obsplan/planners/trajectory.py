@@ -16,7 +16,7 @@ from obsplan.planners.protocol import straight_on, unusable
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
-LEAST_PINGS = 3  # within the horizon, however rare they are
+LEAST_PINGS = 6  # within the horizon, however rare they are: over half as many it does not pay to come near, and the vehicle drifts away
 SURE = 3.0  # standard deviations by which an AUV is taken to stray within a stage
 ROUNDING = 1e-6  # of an interval, by which a time may miss a multiple of it
 
@@ -48,7 +48,7 @@ class Trajectory:
     sigma: Annotated[float, "standard deviation of a range [m], or squared range [m^2]; default: the scenario's"]
     ranging_kind: Annotated[Literal["range", "squared-range"], "what is measured; default: the scenario's"] = "range"
     objective: Annotated[Objective, "what is minimised"] = "covariance"
-    horizon: Annotated[float, "least look-ahead [s]"] = 20.0
+    horizon: Annotated[float, "least look-ahead [s]; ``covariance`` looks six pings ahead at least"] = 20.0
     stages: Annotated[int, "turns over the horizon, at least 2"] = 12
     max_turn_acceleration: Annotated[float | None, "largest change of the turn rate [rad/s^2], taken at decisions; default: none"] = None
     speed_range: Annotated[tuple[float, float] | None, "least and greatest speed [m/s]; default: the vehicle's alone"] = None
