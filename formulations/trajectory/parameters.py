@@ -11,7 +11,7 @@ from .rollout import Path, follow, gramians, scores
 from .task import Task
 
 AT_REST = 0.02  # of the aid vehicle's way: AUVs that move less over the horizon are taken to be at rest by the program
-MOST_AUVS = {"covariance": 4, "moving": 8}  # that a program keeps states for: those that count most
+MOST_AUVS = 8  # that a program keeps states for: those that count most; an answer good for few of many is refused in the end
 MOST_NEIGHBOURS = 16  # that a program keeps a distance from: those nearest to a limit
 FLOOR = 1e-4  # of the starting determinant; below it the logarithm is continued
 SHARP = 1e-3  # of the mean variance: ranges that err less are taken to err that much by the program, which would not converge otherwise
@@ -80,12 +80,11 @@ def _counted(heard: Task, path: Path, objective: str) -> tuple[Task, bool]:
     """The AUVs that the program counts, and whether they move."""
     way = np.linalg.norm(heard.positions - heard.positions[:1], axis=-1).max()
     moving = bool(way > AT_REST * heard.durations.sum())
-    most = MOST_AUVS["covariance" if objective == "covariance" else "moving"]
-    if len(heard.weights) <= most or (objective != "covariance" and not moving):
+    if len(heard.weights) <= MOST_AUVS or (objective != "covariance" and not moving):
         return heard, moving
     score = scores(heard, path, objective)[0]
     score = score if objective == "covariance" else score - score.min() + 1.0
-    return chosen(heard, np.sort(np.argsort(-heard.weights * score, kind="stable")[:most])), moving
+    return chosen(heard, np.sort(np.argsort(-heard.weights * score, kind="stable")[:MOST_AUVS])), moving
 
 
 def _neighbours(task: Task, path: Path) -> np.ndarray:
