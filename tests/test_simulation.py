@@ -1,5 +1,6 @@
 """The closed loop against a filter in plain numpy, arcs in complex numbers, and the rules of the schedule."""
 
+import math
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -269,6 +270,24 @@ def test_estimate_is_the_last_report_dead_reckoned_since():
             assert auv.drift == CURRENT
 
 
+def test_estimate_and_survey_is_the_last_report_dead_reckoned_with_the_turns_filed():
+    run, told = spied("estimate-and-survey")
+    straight = 0.0
+    for k, auvs in enumerate(told):
+        for i, (auv, reference) in enumerate(zip(auvs, run.scenario.references, strict=True)):
+            ping = k - k % 4
+            x, y, heading, speed = run.mean[i, ping]
+            for step in range(ping, k):
+                x, y = x + 0.5 * (speed * math.cos(heading) + CURRENT[0]), y + 0.5 * (speed * math.sin(heading) + CURRENT[1])
+                water = np.diff(reference.position(run.time[step] + np.array([0.5, 1.0])), axis=0)[0] / 0.5 - CURRENT
+                heading, speed = math.atan2(*water[::-1]), math.hypot(*water)
+            np.testing.assert_allclose(auv.mean[:2], [x, y], atol=1e-9)
+            straight = max(straight, math.dist(auv.mean[:2], last_report(run, i, k).x[:2]))
+            ahead = reference.position(run.time[k] + AHEAD)
+            np.testing.assert_allclose(auv.ahead(AHEAD), auv.mean[:2] + ahead - ahead[0], atol=1e-12)
+    assert straight > 0.5  # by which dead reckoning straight on misses a turn filed
+
+
 @pytest.mark.parametrize("knowledge", ["estimate", "survey", "truth"])
 def test_whatever_is_known_the_uncertainty_told_is_that_reported(knowledge):
     run, told = spied(knowledge)
@@ -315,7 +334,7 @@ class Echo:
         return Command(ca.SX(0.1), ca.SX(1.0), told[self.thing], ca.SX.nan(1, 2), ca.SX(float(Status.OPTIMAL)))
 
 
-@pytest.mark.parametrize("knowledge", ["estimate", "survey", "truth"])
+@pytest.mark.parametrize("knowledge", ["estimate", "estimate-and-survey", "survey", "truth"])
 def test_planner_inside_the_step_is_told_what_one_outside_is(knowledge):
     mission = scenario(planner__knowledge=knowledge, environment__current=CURRENT, auv__1__weight=3.0, duration=5.0)
     for thing in range(25):
@@ -325,8 +344,11 @@ def test_planner_inside_the_step_is_told_what_one_outside_is(knowledge):
 
 
 def test_planner_that_knows_less_does_not_do_the_same():
-    runs = {knowledge: op.simulate(scenario(planner__knowledge=knowledge)) for knowledge in ("truth", "survey", "estimate")}
-    assert len({run.cna.tobytes() for run in runs.values()}) == 3
+    runs = {
+        knowledge: op.simulate(scenario(planner__knowledge=knowledge))
+        for knowledge in ("truth", "survey", "estimate-and-survey", "estimate")
+    }
+    assert len({run.cna.tobytes() for run in runs.values()}) == 4
 
 
 # Lengths, chunks, progress

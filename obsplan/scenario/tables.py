@@ -160,7 +160,9 @@ class PlannerTable(Table):
     """Keys that every planner has."""
 
     interval: Positive | None = Field(default=None, description="time between decisions [s]; default: about 1 s")
-    knowledge: Literal["estimate", "survey", "truth"] = Field(default="estimate", description="what the planner is given of the AUVs")
+    knowledge: Literal["estimate", "estimate-and-survey", "survey", "truth"] = Field(
+        default="estimate", description="what the planner is given of the AUVs"
+    )
 
 
 def planner_table(name: str) -> type[PlannerTable]:

@@ -46,7 +46,7 @@ heading_sigma_deg = 1.0                       # degrees
 [planner]
 kind = "default"                              # or path-inertia, gramian, circle, stationary
 interval = 1.0                                # s between decisions
-knowledge = "estimate"                        # or survey (the planned tracks), truth
+knowledge = "estimate"                        # or estimate-and-survey (the turns filed, too), survey, truth
 """
 
 START_WEST = 50.0  # [m] from the first waypoint to the aid vehicle's start

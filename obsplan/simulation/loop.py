@@ -144,7 +144,7 @@ class ClosedLoop:
         """What the planner is told of each AUV."""
         scenario, now = self.scenario, float(inputs.time[k].item())
         knowledge = scenario.table.planner.knowledge
-        means = {"estimate": carry.reported, "survey": inputs.survey, "truth": carry.truth}[knowledge][k]
+        means = {"survey": inputs.survey, "truth": carry.truth}.get(knowledge, carry.reported)[k]
         covariances = full_array(carry.reported_covariance[k])
         courses = [None if knowledge == "estimate" else course(*known, now) for known in zip(scenario.references, means, strict=True)]
         noises = scenario.process_noise(assumed=True)

@@ -93,7 +93,7 @@ class StepBuilder:
         expression = folded(self.scenario, self.planner)
         if expression is None:
             return carry.command, ca.SX.nan(1), ca.SX.nan(1, carry.truth.shape[1]), ca.SX.nan(1)
-        known = {"estimate": carry.reported, "survey": inputs.survey, "truth": carry.truth}[self.scenario.table.planner.knowledge]
+        known = {"survey": inputs.survey, "truth": carry.truth}.get(self.scenario.table.planner.knowledge, carry.reported)
         new = guarded(expression, inputs.time, ca.vertcat(carry.cna, carry.command[0]), self._targets(known, carry))
         due = lambda value, otherwise: ca.if_else(inputs.decide, value, otherwise)  # noqa: E731
         command = due(ca.vertcat(new.turn_rate, new.speed), carry.command)
@@ -117,7 +117,9 @@ class StepBuilder:
         x_ranged, P_ranged = ekf.update(x, P, z, ranging, cna)
         pinged = lambda value, otherwise: ca.if_else(inputs.ping, value, otherwise)  # noqa: E731
         x, P = pinged(x_ranged, x), pinged(half(P_ranged), half(P))
-        reckoned, reckoned_P = ekf.predict(carry.reported[:, i], full(carry.reported_covariance[:, i]), ca.SX.zeros(2))
+        along = self.scenario.table.planner.knowledge == "estimate-and-survey"
+        turns = inputs.steer[:, i] - carry.reported[2:, i] if along else ca.SX.zeros(2)
+        reckoned, reckoned_P = ekf.predict(carry.reported[:, i], full(carry.reported_covariance[:, i]), turns)
         return truth, x, P, pinged(x, reckoned), pinged(P, half(reckoned_P)), pinged(z, np.nan)
 
     def _filter(self, i: int) -> Ekf:
