@@ -5,7 +5,7 @@ from itertools import islice
 from typing import cast
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Integer
 
 from formulations.solution import Status
 
@@ -16,7 +16,7 @@ from .starts import Violation, shaken, starts
 
 PENALTIES = (1.0, 30.0, 1000.0)  # of the mean square violation, one after the other [-]
 PROBE = 1e-3  # [m]; by which positions are moved to see how the violation changes
-PROBES = PROBE * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
+PROBES = PROBE * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
 FIRST, ITERATIONS, POLISH = 30, 300, 3000  # of the descents from all starts, of the better ones' and of the best's
 BETTER = 3  # one of so many starts is worth going on with
 REDUCTION = 1e-8  # relative, of the objective: where it falls by less, the descent is at its end
@@ -59,17 +59,20 @@ class Objective:
         by_position = np.zeros_like(x)
         value, by_position[ends] = self.variance(x[ends])
         if self.violation is not None:
-            here, east, west, north, south = self._violation(x + PROBES[:, None])
-            deep = np.maximum(here + self.margin, 0.0)
+            deep = np.maximum(self._violation(x) + self.margin, 0.0)
             value += penalty * float(np.mean(deep**2))
-            by_position[1:] += (penalty / deep.size / PROBE) * deep[:, None] * np.stack([east - west, north - south], axis=-1)
+            broken = np.flatnonzero(deep > 0)
+            by_position[1 + broken] += (2 * penalty / deep.size) * deep[broken, None] * self._slope(x, broken)
         return value, self.turns.gradient(w, by_position)
 
-    def _violation(self, x: Float[np.ndarray, "*batch samples 2"]) -> Float[np.ndarray, "*batch steps"]:
+    def _violation(self, x: Float[np.ndarray, "samples 2"]) -> Float[np.ndarray, " steps"]:
         mission = self.turns.mission
-        return cast(Violation, self.violation)(
-            x[..., 1:, :], np.arange(1, mission.steps + 1) * mission.time_step
-        )  # the start is where it is
+        return cast(Violation, self.violation)(x[1:], np.arange(1, mission.steps + 1) * mission.time_step)  # the start is where it is
+
+    def _slope(self, x: Float[np.ndarray, "samples 2"], steps: Integer[np.ndarray, " some"]) -> Float[np.ndarray, "some 2"]:
+        time = (steps + 1) * self.turns.mission.time_step
+        east, west, north, south = cast(Violation, self.violation)(x[1 + steps] + PROBES[:, None], time)
+        return np.stack([east - west, north - south], axis=-1) / (2 * PROBE)
 
 
 @dataclass(frozen=True, eq=False)
