@@ -11,13 +11,13 @@ import numpy as np
 from formulations.manoeuvre_search import Ranging
 from formulations.solution import Status
 from formulations.trajectory import Areas, Controls, Limits, Outcome, Task, convex_areas, optimise
-from obsplan.constraints import UNLIMITED, Constraints, Disc, Polygon
+from obsplan.constraints import UNLIMITED, Constraints, Disc, Polygon, loiter_violation
+from obsplan.planners.limits import SURE, expected
 from obsplan.planners.protocol import straight_on, unusable
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
 LEAST_PINGS = 6  # within the horizon, however rare they are: over half as many it does not pay to come near, and the vehicle drifts away
-SURE = 3.0  # standard deviations by which an AUV is taken to stray within a stage
 ROUNDING = 1e-6  # of an interval, by which a time may miss a multiple of it
 
 Objective = Literal["covariance", "log-det", "smallest-eigenvalue", "condition-number"]
@@ -36,7 +36,7 @@ class Trajectory:
     the geofence, so that there is always one to follow. Where limits cannot be kept they are softened, and the status says so; it also
     says which rung of the ladder the trajectory is from.
 
-    Separations are kept from where AUVs are expected, with room for what they may stray within a stage.
+    Separations are kept from where AUVs are expected, with room for not knowing where they are and for what they may stray in a stage.
 
     A planner remembers its last trajectory to start from, as long as time goes on: asked again at the same time or an earlier one, or
     later than the trajectory lasts, it starts afresh.
@@ -155,7 +155,7 @@ class Trajectory:
             speeds=speeds,
             covariance=np.array([auv.covariance for auv in auvs]),
             process_noise=noise[:, [0, 0, 1, 2]],
-            spread=SURE * drift * np.sqrt(durations[-1]),
+            spread=np.hypot(expected(auvs)[1], SURE * drift * np.sqrt(durations[-1])),
             weights=np.array([auv.weight for auv in auvs], dtype=float),
             ranging=Ranging(self.sigma, self.ranging_kind == "squared-range"),
             areas=self._areas,
@@ -173,22 +173,11 @@ class Trajectory:
 
     def _limits(self, auvs: Sequence[Belief]) -> Limits:
         """The constraints, the AUVs being where they are expected."""
-        limits, radius = self.constraints, self.cna.min_turn_radius
-        separated = limits.min_separation > 0 or np.isfinite(limits.max_separation)
-
-        def along(positions: np.ndarray, times: np.ndarray) -> np.ndarray:
-            worst = limits.fixed_violation(positions)
-            if not separated:
-                return worst
-            known = np.stack([auv.ahead(times) for auv in auvs], axis=1)
-            distance = np.linalg.norm(positions[..., None, :] - known, axis=-1)
-            return np.maximum(worst, np.maximum(limits.min_separation - distance, distance - limits.max_separation).max(axis=-1))
-
-        def after(poses: np.ndarray) -> np.ndarray:
-            left = radius * np.stack([-np.sin(poses[:, 2]), np.cos(poses[:, 2])], axis=-1)
-            return limits.fixed_violation(np.stack([poses[:, :2] + left, poses[:, :2] - left], axis=1)) + radius
-
-        return Limits(along, after)
+        ahead, room = expected(auvs)
+        return Limits(
+            along=lambda positions, times: self.constraints.violation(positions, ahead(times), room),
+            after=lambda poses: loiter_violation(self.constraints, poses, self.cna.min_turn_radius),
+        )
 
 
 class _Plan(NamedTuple):
