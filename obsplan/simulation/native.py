@@ -27,12 +27,14 @@ def native(function: ca.Function) -> ca.Function:
         return function
     source = generate(function)
     try:
-        library = cached_library(source, compiler)
-    except (OSError, subprocess.CalledProcessError) as error:
-        detail = (getattr(error, "stderr", "") or str(error)).strip().splitlines()
-        log.warning("no generated code: %s failed (%s); using CasADi's virtual machine", compiler, detail[-1] if detail else error)
-        return function
-    return ca.external(function.name(), str(library))
+        return ca.external(function.name(), str(cached_library(source, compiler)))
+    except subprocess.CalledProcessError as error:
+        detail = (error.stderr or str(error)).strip().splitlines()
+        reason = f"{compiler} failed ({detail[-1] if detail else error})"
+    except OSError as error:
+        reason = f"it cannot be kept ({error}; OBSPLAN_CACHE names another folder)"
+    log.warning("no generated code: %s; using CasADi's virtual machine", reason)
+    return function
 
 
 @cache
