@@ -54,15 +54,16 @@ class Polygon:
     def _shape(self) -> Any:
         import shapely
 
-        return shapely.Polygon(self.points)
+        shape = shapely.Polygon(self.points)
+        shapely.prepare(shape)
+        return shape
 
     def signed_distance(self, positions: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch"]:
         """Distance [m] to the edge, negative inside."""
         import shapely
 
-        points = shapely.points(positions)
-        outside = shapely.distance(self._shape, points)
-        return np.where(outside > 0, outside, -shapely.distance(self._shape.exterior, points))
+        edge = shapely.distance(self._shape.exterior, shapely.points(positions))
+        return np.where(shapely.contains_xy(self._shape, positions[..., 0], positions[..., 1]), -edge, edge)
 
 
 @dataclass(frozen=True, kw_only=True)
