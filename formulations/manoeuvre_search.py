@@ -15,15 +15,17 @@ the aid vehicle away from an AUV that is closer than it is sure of. (Jazwinski 1
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 CRITERIA = ("trace", "log-det")
 LOOKS = np.arange(1, 9) / 8  # parts of a stage after which it is held against the constraints
 TINY = 1e-30  # [m^4]; a position known exactly has no logarithm
 
+Look = Callable[[Int[np.ndarray, " n"]], Float[np.ndarray, " n"]]
 Violation = Callable[[Float[np.ndarray, "*batch T 2"], Float[np.ndarray, " T"]], Float[np.ndarray, "*batch T"]]
 
 
@@ -135,22 +137,19 @@ def search_manoeuvres(
     for s, (duration, pings) in enumerate(zip(*stages, strict=True)):
         now = Tracks(*(part[s] for part in tracks))
         predicted = predict_covariance(beam.covariance, now, process_noise, float(duration))
-        times = duration * (LOOKS if violation is not None else LOOKS[-1:])
-        along = _turned(beam.pose, turn_rates, speed, times)
-        poses = along[..., -1, :]
+        poses = _turned(beam.pose[:, None], turn_rates, speed, np.array([duration]))[..., 0, :]
         x = poses[..., None, :2] - now.position
         known = _criterion(range_update(predicted[:, None, :, :2, :2], x, ranging, float(pings)), criterion)
         cost = beam.cost[:, None] + known @ weights * (duration / total)
-        first, worst = (np.broadcast_to(broken[:, None], cost.shape) for broken in (beam.first, beam.violation))
+        first, worst = (np.broadcast_to(broken[:, None], cost.shape).ravel() for broken in (beam.first, beam.violation))
         if s == 0 and first_violation is not None:
-            first = np.maximum(first_violation, 0.0)[None]
-        if violation is not None:
-            worst = np.maximum(worst, violation(along[..., :2], elapsed + times).max(axis=-1))
-        keep = np.lexsort((cost.ravel(), worst.ravel(), first.ravel()))[:beam_width]
+            first = np.maximum(first_violation, 0.0)
+        look = None if violation is None else partial(_broken, violation, beam.pose, turn_rates, speed, elapsed, float(duration))
+        keep, worst = _best(first, worst, cost.ravel(), beam_width, look)
         parent, turn = np.divmod(keep, len(turn_rates))
         turns = np.column_stack([beam.turns[parent], turn_rates[turn]])
         updated = range_update(predicted[parent], x[parent, turn], ranging, float(pings))
-        beam = _Beam(poses[parent, turn], updated, cost.ravel()[keep], first.ravel()[keep], worst.ravel()[keep], turns)
+        beam = _Beam(poses[parent, turn], updated, cost.ravel()[keep], first[keep], worst[keep], turns)
         elapsed += float(duration)
     return Manoeuvre(beam.turns[0], float(beam.cost[0]), float(beam.first[0]), float(beam.violation[0]))
 
@@ -189,15 +188,46 @@ def range_update(P: Float[np.ndarray, "*#batch n n"], x: Float[np.ndarray, "*#ba
     return P - gain[..., None, None] * Pu[..., :, None] * Pu[..., None, :]
 
 
+def _best(
+    first: Float[np.ndarray, " n"], worst: Float[np.ndarray, " n"], cost: Float[np.ndarray, " n"], count: int, look: Look | None
+) -> tuple[Int[np.ndarray, " count"], Float[np.ndarray, " n"]]:
+    """The best sequences, and how far each breaks a limit; looked at are no more than it takes to know the best."""
+    order = np.lexsort((cost, worst, first))
+    if look is None:
+        return order[:count], worst
+    worst, seen = worst.copy(), order[:0]
+    for end in range(count, len(order) + count, count):
+        these, seen = order[end - count : end], order[:end]
+        worst[these] = np.maximum(worst[these], look(these))
+        if np.sum((first[seen] == first[order[0]]) & (worst[seen] == 0)) >= count:
+            break  # whatever comes later costs more, or breaks more
+    return seen[np.lexsort((cost[seen], worst[seen], first[seen]))[:count]], worst
+
+
+def _broken(
+    violation: Violation,
+    pose: Float[np.ndarray, "B 3"],
+    turn_rates: Float[np.ndarray, " K"],
+    speed: float,
+    elapsed: float,
+    duration: float,
+    these: Int[np.ndarray, " n"],
+) -> Float[np.ndarray, " n"]:
+    """How far the stage of some sequences breaks a limit, at the points looked at."""
+    parent, turn = np.divmod(these, len(turn_rates))
+    along = _turned(pose[parent], turn_rates[turn], speed, duration * LOOKS)
+    return violation(along[..., :2], elapsed + duration * LOOKS).max(axis=-1)
+
+
 def _turned(
-    pose: Float[np.ndarray, "B 3"], turn_rates: Float[np.ndarray, " K"], speed: float, times: Float[np.ndarray, " T"]
-) -> Float[np.ndarray, "B K T 3"]:
-    """Poses after each turn was held for these times."""
-    half = 0.5 * turn_rates[:, None] * times
-    heading = pose[:, None, None, 2] + half
+    pose: Float[np.ndarray, "*#batch 3"], turn_rates: Float[np.ndarray, "*#batch"], speed: float, times: Float[np.ndarray, " T"]
+) -> Float[np.ndarray, "*batch T 3"]:
+    """Poses after turns were held for these times."""
+    half = 0.5 * turn_rates[..., None] * times
+    heading = pose[..., None, 2] + half
     chord = speed * times * np.sinc(half / np.pi)
     steps = np.stack([chord * np.cos(heading), chord * np.sin(heading)], axis=-1)
-    return np.concatenate([pose[:, None, None, :2] + steps, (heading + half)[..., None]], axis=-1)
+    return np.concatenate([pose[..., None, :2] + steps, (heading + half)[..., None]], axis=-1)
 
 
 def _criterion(P: np.ndarray, name: str) -> np.ndarray:

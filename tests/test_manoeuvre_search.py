@@ -9,6 +9,7 @@ from oracles import arc
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from formulations import manoeuvre_search as search
 from formulations.manoeuvre_search import (
     LOOKS,
     Ranging,
@@ -300,6 +301,28 @@ def test_first_turn_counts_more_than_what_comes_of_it():
     found = search_manoeuvres(**given, beam_width=125, violation=right_at_first, first_violation=0.1 * left)
     assert found.turn_rates[0] <= 0
     assert (found.first_violation, found.violation) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("count", [1, 5, 60, 200])
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.95, 1.0])
+def test_sequences_that_are_not_looked_at_are_not_among_the_best(count, share):
+    rng, fewer = np.random.default_rng(int(100 * share) + count), 0
+    for _ in range(50):
+        first, inherited, broken = (np.where(rng.random(100) < share, rng.integers(0, 3, 100), 0.0) for _ in range(3))
+        cost, looked = rng.integers(0, 30, 100) / 30.0, []
+
+        def look(these, looked=looked, broken=broken):
+            looked.extend(these)
+            return broken[these]
+
+        found, worst = search._best(first, inherited, cost, count, look)
+        whole = np.maximum(inherited, broken)
+        expected = np.lexsort((cost, whole, first))[:count]
+        for part in (first, whole, cost):
+            np.testing.assert_array_equal(part[found], part[expected])
+        np.testing.assert_array_equal(worst[found], whole[found])
+        fewer += len(looked) < 100
+    assert fewer == 50 or count > 60 or share > 0
 
 
 def test_violation_of_a_sequence_is_the_worst_along_its_arcs():

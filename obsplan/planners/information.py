@@ -37,7 +37,7 @@ class InformationHorizon:
     horizon: Annotated[float, "least look-ahead [s]"] = 20.0
     stages: Annotated[int, "levels of the tree, at least 1"] = 6
     turn_rates: Annotated[int, "branches at each level, odd and at least 3"] = 7
-    beam_width: Annotated[int, "sequences kept at each level, at least 1"] = 32
+    beam_width: Annotated[int, "sequences kept at each level, at least 1"] = 128
     constraints: Annotated[Constraints, "limits on the aid vehicle's position; the scenario's"] = UNLIMITED
     decision_interval: Annotated[float, "time between decisions [s]; the scenario's"] = 1.0
 
