@@ -48,19 +48,19 @@ def run(scenario: ScenarioName, planner: PlannerName = None, seed: Seed = None, 
 @app.command()
 def compare(
     scenario: ScenarioName,
-    planners: Annotated[str | None, typer.Option("--planners", metavar="A,B,...", help="Planners to compare; default: all.")] = None,
+    planners: Annotated[str | None, typer.Option("--planners", metavar="A,B,...", help="Default: all that are quick.")] = None,
     runs: Annotated[int, typer.Option("--runs", min=1, help="Seeds per planner; the same for each of them.")] = 1,
     seed: Seed = None,
     settings: Settings = None,
     out: Out = None,
 ) -> None:
     """Compare planners on one scenario under the same noise, or on the whole `suite` of them."""
-    from obsplan.planners import PLANNERS
+    from obsplan.planners import PLANNERS, SLOW
     from obsplan.report import compare_table, free_folder, write_comparison
     from obsplan.scenario import load
     from obsplan.simulation import simulate
 
-    names = planners.split(",") if planners else list(PLANNERS)
+    names = planners.split(",") if planners else [name for name in PLANNERS if name not in SLOW]
     if scenario == "suite":
         compare_suite(names, runs, seed, settings or [], out or Path("suite"))
         return

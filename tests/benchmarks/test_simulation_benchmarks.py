@@ -52,7 +52,7 @@ def test_beginning_under_every_planner(benchmark, name):
 @decision
 @pytest.mark.parametrize("name", PLANNERS)
 def test_decision(benchmark, name):
-    planner = op.load("survey-slow", planner=name).planner()
+    planner = op.load("survey-slow", planner=name, settings=["duration=30.0"]).planner()
     pose, auvs = op.Pose(1.0, 0.0, np.pi / 2), [op.Belief.at(0.0, 0.0, speed=1.0, covariance=np.eye(4))]
     assert np.isfinite(benchmark(planner.plan, pose, auvs).turn_rate)
 
