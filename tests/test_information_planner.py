@@ -164,6 +164,7 @@ def test_keeps_out_and_within_the_fence_also_between_decisions(knowledge, interv
 
 def test_keeps_its_separation_from_auvs_whose_survey_it_knows():
     quiet = {f"auv__{i}__process_noise": {"position": 0.0, "heading_deg": 0.0, "speed": 0.0} for i in (0, 1)}
+    quiet |= {f"auv__{i}__first_estimate": {"sigma_position": 1e-3, "sigma_heading_deg": 1e-3, "sigma_speed": 1e-4} for i in (0, 1)}
     start = {"speed": 2.0, "min_turn_radius": 5.0, "start": {"x": 30.0, "y": -30.0, "heading_deg": 140.0}}
     common = {"planner": {"kind": "information", "interval": 1.0, "knowledge": "survey"}, "cna": start, "duration": 60.0, **quiet}
     limited = scenario(constraints={"min_separation": 15.0, "max_separation": 60.0}, **common)

@@ -173,8 +173,8 @@ def test_deadline_leaves_the_best_manoeuvre_and_a_generous_one_changes_nothing()
         ("decision_interval", 0.0, r"decision_interval must be positive and finite \[s\], got 0.0"),
         ("stages", 1, "stages must be at least 2, got 1"),
         ("max_iterations", 0, "max_iterations must be at least 1, got 0"),
-        ("max_turn_acceleration", 0.0, r"max_turn_acceleration must be positive and finite \[rad/s\^2\], or left out, got 0.0"),
-        ("deadline", -1.0, r"deadline must be positive and finite \[s\], or left out, got -1.0"),
+        ("max_turn_acceleration", 0.0, r"max_turn_acceleration must be positive and finite \[rad/s\^2\], got 0.0"),
+        ("deadline", -1.0, r"deadline must be positive and finite \[s\], got -1.0"),
         ("speed_range", (2.0, 1.0), r"speed_range must be 0 < least <= greatest \[m/s\], got \(2.0, 1.0\)"),
     ],
 )

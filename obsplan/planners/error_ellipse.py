@@ -9,6 +9,7 @@ import numpy as np
 
 from formulations.solution import Status
 from obsplan.planners.candidates import first_of_the_best
+from obsplan.planners.checks import check_positive
 from obsplan.planners.protocol import Command, Targets, decide, time_to_ping
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
@@ -35,8 +36,7 @@ class ErrorEllipse:
     turn_rates: Annotated[int, "number of candidates, at least 2"] = 21
 
     def __post_init__(self) -> None:
-        if not 0 < self.ping_interval < np.inf:
-            raise ValueError(f"ping_interval must be positive and finite [s], got {self.ping_interval}")
+        check_positive(self, ping_interval="s")
         if self.turn_rates < 2:
             raise ValueError(f"turn_rates must be at least 2 candidates, got {self.turn_rates}")
 

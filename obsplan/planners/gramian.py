@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import lru_cache
-from typing import Annotated, Literal, get_args, get_type_hints
+from typing import Annotated, Literal
 
 import casadi as ca
 import numpy as np
@@ -16,6 +16,7 @@ from formulations.range_gramian import DisplacementMoments, displacement_moments
 from formulations.solution import Status
 from obsplan.constraints import UNLIMITED, Constraints, arc_positions, first_move_violation
 from obsplan.planners.candidates import first_of_the_best
+from obsplan.planners.checks import check_choices, check_positive
 from obsplan.planners.limits import expected
 from obsplan.planners.protocol import Command, Targets, columns, decide, predict_path, symbols, time_to_ping, unusable
 from obsplan.types import Belief, Decision, Pose
@@ -70,17 +71,10 @@ class GramianHorizon:
     decision_interval: Annotated[float, "time between decisions [s]; the scenario's"] = 1.0
 
     def __post_init__(self) -> None:
-        for name, hint in get_type_hints(type(self)).items():
-            known = get_args(hint)
-            if all(isinstance(choice, str) for choice in known) and known and getattr(self, name) not in known:
-                raise ValueError(f'{name} must be one of {", ".join(known)}, got "{getattr(self, name)}"')
+        check_choices(self)
+        check_positive(self, horizon="s", circles="-", ping_interval="s", sigma="m", heading_sigma="rad", decision_interval="s")
         if self.turn_rates < 2:
             raise ValueError(f"turn_rates must be at least 2 candidates, got {self.turn_rates}")
-        units = {"horizon": "s", "circles": "-", "ping_interval": "s", "sigma": "m", "heading_sigma": "rad", "decision_interval": "s"}
-        for name, unit in units.items():
-            value = getattr(self, name)
-            if value is not None and not 0 < value < np.inf:
-                raise ValueError(f"{name} must be positive and finite [{unit}], got {value}")
         if self.gramian == "empirical" and (self.motion, self.sampling) != ("at-rest", "continuous"):
             raise ValueError('gramian "empirical" takes AUVs at rest and ranges all the time; for other motion or sampling choose "exact"')
 

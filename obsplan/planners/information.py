@@ -6,9 +6,10 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from formulations.manoeuvre_search import CRITERIA, Manoeuvre, Ranging, Stages, Tracks, ping_stages, search_manoeuvres, turn_candidates
+from formulations.manoeuvre_search import Manoeuvre, Ranging, Stages, Tracks, ping_stages, search_manoeuvres, turn_candidates
 from formulations.solution import Status
 from obsplan.constraints import UNLIMITED, Constraints, first_move_violation
+from obsplan.planners.checks import check_at_least, check_choices, check_positive
 from obsplan.planners.limits import expected
 from obsplan.planners.protocol import straight_on, unusable
 from obsplan.types import Belief, Decision, Pose
@@ -42,16 +43,11 @@ class InformationHorizon:
     decision_interval: Annotated[float, "time between decisions [s]; the scenario's"] = 1.0
 
     def __post_init__(self) -> None:
-        for name, unit in (("ping_interval", "s"), ("sigma", "m"), ("horizon", "s"), ("decision_interval", "s")):
-            if not 0 < getattr(self, name) < np.inf:
-                raise ValueError(f"{name} must be positive and finite [{unit}], got {getattr(self, name)}")
-        if self.criterion not in CRITERIA:
-            raise ValueError(f'criterion must be one of {", ".join(CRITERIA)}, got "{self.criterion}"')
+        check_positive(self, ping_interval="s", sigma="m", horizon="s", decision_interval="s")
+        check_choices(self)
+        check_at_least(self, stages=1, beam_width=1)
         if self.turn_rates < 3 or self.turn_rates % 2 == 0:
             raise ValueError(f"turn_rates must be odd and at least 3, straight on and pairs, got {self.turn_rates}")
-        for name in ("stages", "beam_width"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Choose the first turn of the best sequence found."""

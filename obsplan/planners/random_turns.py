@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from formulations.solution import Status
+from obsplan.planners.checks import check_positive
 from obsplan.planners.protocol import predict_path, straight_on
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
@@ -33,8 +34,7 @@ class RandomTurns:
     def __post_init__(self) -> None:
         if self.seed is not None and self.seed < 0:
             raise ValueError(f"seed must be at least 0, got {self.seed}")
-        if not 0 < self.hold < np.inf:
-            raise ValueError(f"hold must be positive and finite [s], got {self.hold}")
+        check_positive(self, hold="s")
 
     def for_mission(self, seed: int) -> "RandomTurns":
         """The planner of a mission flown under a seed."""

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from time import perf_counter
-from typing import Annotated, Literal, NamedTuple, get_args
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from formulations.manoeuvre_search import Ranging
 from formulations.solution import Status
 from formulations.trajectory import Areas, Controls, Limits, Outcome, Task, convex_areas, optimise
 from obsplan.constraints import UNLIMITED, Constraints, Disc, Polygon, loiter_violation
+from obsplan.planners.checks import check_at_least, check_choices, check_positive
 from obsplan.planners.limits import SURE, expected
 from obsplan.planners.protocol import straight_on, unusable
 from obsplan.types import Belief, Decision, Pose
@@ -58,17 +59,11 @@ class Trajectory:
     decision_interval: Annotated[float, "time between decisions [s]; the scenario's"] = 1.0
 
     def __post_init__(self) -> None:
-        for name, unit in (("ping_interval", "s"), ("sigma", "m"), ("horizon", "s"), ("decision_interval", "s")):
-            if not 0 < getattr(self, name) < np.inf:
-                raise ValueError(f"{name} must be positive and finite [{unit}], got {getattr(self, name)}")
-        for name, unit in (("max_turn_acceleration", "rad/s^2"), ("deadline", "s")):
-            if getattr(self, name) is not None and not 0 < getattr(self, name) < np.inf:
-                raise ValueError(f"{name} must be positive and finite [{unit}], or left out, got {getattr(self, name)}")
-        if self.objective not in get_args(Objective):
-            raise ValueError(f'objective must be one of {", ".join(get_args(Objective))}, got "{self.objective}"')
-        for name, least in (("stages", 2), ("max_iterations", 1)):
-            if getattr(self, name) < least:
-                raise ValueError(f"{name} must be at least {least}, got {getattr(self, name)}")
+        check_positive(
+            self, ping_interval="s", sigma="m", horizon="s", decision_interval="s", max_turn_acceleration="rad/s^2", deadline="s"
+        )
+        check_choices(self)
+        check_at_least(self, stages=2, max_iterations=1)
         if self.speed_range is not None and not 0 < self.speed_range[0] <= self.speed_range[1] < np.inf:
             raise ValueError(f"speed_range must be 0 < least <= greatest [m/s], got {self.speed_range}")
 

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from formulations.manoeuvre_search import Manoeuvre, Ranging, Stages
 from formulations.whole_mission import Mission, Plan, optimise
 from obsplan.constraints import UNLIMITED, Constraints
+from obsplan.planners.checks import check_at_least, check_choices, check_positive
 from obsplan.planners.filed import Filed
 from obsplan.planners.information import manoeuvre_path
 from obsplan.planners.protocol import ROUNDING, unusable
@@ -52,12 +53,9 @@ class WholeMission:
     decision_interval: Annotated[float, "time between decisions [s]; the scenario's"] = 1.0
 
     def __post_init__(self) -> None:
-        for name, unit in (("ping_interval", "s"), ("sigma", "m"), ("heading_sigma", "rad"), ("decision_interval", "s")):
-            if not 0 < getattr(self, name) < np.inf:
-                raise ValueError(f"{name} must be positive and finite [{unit}], got {getattr(self, name)}")
-        for name, least in (("starts", 1), ("search_seed", 0)):
-            if getattr(self, name) < least:
-                raise ValueError(f"{name} must be at least {least}, got {getattr(self, name)}")
+        check_positive(self, ping_interval="s", sigma="m", heading_sigma="rad", decision_interval="s")
+        check_choices(self)
+        check_at_least(self, starts=1, search_seed=0)
         if self.segment is not None:
             self._check_segment(self.segment)
 

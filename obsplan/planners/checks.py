@@ -1,0 +1,46 @@
+"""Refuse options out of their range, by name, value and unit."""
+
+from typing import get_args, get_type_hints
+
+import numpy as np
+
+
+def check_choices(planner: object) -> None:
+    """Refuse a value that is none of its field's named choices.
+
+    Raises
+    ------
+    ValueError
+        Naming the field, the choices and the value.
+    """
+    for name, hint in get_type_hints(type(planner)).items():
+        known = get_args(hint)
+        if known and all(isinstance(choice, str) for choice in known) and getattr(planner, name) not in known:
+            raise ValueError(f'{name} must be one of {", ".join(known)}, got "{getattr(planner, name)}"')
+
+
+def check_positive(planner: object, **units: str) -> None:
+    """Refuse a field that is not positive and finite; None is no value. Each is named with its unit.
+
+    Raises
+    ------
+    ValueError
+        Naming the field, its unit and the value.
+    """
+    for name, unit in units.items():
+        value = getattr(planner, name)
+        if value is not None and not 0 < value < np.inf:
+            raise ValueError(f"{name} must be positive and finite [{unit}], got {value}")
+
+
+def check_at_least(planner: object, **least: int) -> None:
+    """Refuse a count that is too small.
+
+    Raises
+    ------
+    ValueError
+        Naming the field, the least it may be and the value.
+    """
+    for name, bound in least.items():
+        if getattr(planner, name) < bound:
+            raise ValueError(f"{name} must be at least {bound}, got {getattr(planner, name)}")
