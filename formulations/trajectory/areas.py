@@ -27,11 +27,6 @@ class Areas(NamedTuple):
         return len(self.discs) + len(self.keep_outs) + len(self.fence) > 0
 
 
-def no_areas() -> Areas:
-    """Areas that limit nothing."""
-    return Areas(np.empty((0, 3)), (), np.empty((0, 3)))
-
-
 def convex_areas(
     discs: Float[np.ndarray, "D 3"],
     polygons: Sequence[Float[np.ndarray, "_ 2"]],

@@ -13,7 +13,6 @@ from jaxtyping import Float
 
 from .expressions import Shape, dynamics, final_cost, limits, running_cost, stage_blocks, symbols, task_blocks
 
-SOLVERS = ("fatrop", "ipopt")
 TOLERANCE = 1e-8  # of the optimality conditions, in units of the task
 FIRST_BARRIER = 1e-4  # of fatrop: a larger one leaves the neighbourhood of a good start, whose turns are often at their limit
 MOST_INFEASIBLE, MOST_OF_MOMENTS = 1.0, 100.0  # sum of gaps: past it covariances turn indefinite, and fatrop may restore for ever
