@@ -4,9 +4,12 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+if TYPE_CHECKING:
+    from obsplan.campaign.plan import Cell
 
 app = typer.Typer(
     help="Plan the path of an aid vehicle so that AUVs measuring only acoustic range to it know where they are.",
@@ -60,7 +63,7 @@ def compare(
     from obsplan.scenario import load
     from obsplan.simulation import simulate
 
-    names = planners.split(",") if planners else [name for name in PLANNERS if name not in SLOW]
+    names = named(planners) or [name for name in PLANNERS if name not in SLOW]
     if scenario == "suite":
         compare_suite(names, runs, seed, settings or [], out or Path("suite"))
         return
@@ -83,21 +86,27 @@ def compare_suite(planners: list[str], runs: int, seed: int | None, settings: li
     """Fly a campaign of planners over the suite, and say who wins where; the folder is resumed if it is there."""
     import numpy as np
 
-    from obsplan.campaign import fly_campaign, load_campaign, plan_cells
+    from obsplan.campaign import load_campaign, plan_cells
     from obsplan.report import scenario_table, suite_table, write_suite
-    from obsplan.report.suite import decision_time, least_error, read_suite
+    from obsplan.report.suite import FEWEST, decision_time, least_error, missions_of, read_suite
     from obsplan.scenario import load, suite
 
     cells = plan_cells(suite(), planners=planners, vary=settings, runs=runs, seed=seed)
-    with campaign_bar(f"{len(cells)} combinations") as progress:
-        fly_campaign(cells, out, progress=progress)
-    bounds = {name.removeprefix("suite/"): least_error(load(name, planner="circle")) for name in suite()}
-    times = {planner: float(np.median([decision_time(load(name, planner=planner)) for name in suite()])) for planner in planners}
-    result = read_suite(load_campaign(out), bounds, times)
+    failed = fly(cells, out)
+    table = missions_of(cells, load_campaign(out), out)
+    settings = [*settings, *([] if seed is None else [f"seed={seed}"])]
+    bounds = {name.removeprefix("suite/"): least_error(load(name, planner="circle", settings=settings)) for name in suite()}
+    brief = [*settings, "duration=60.0"]
+    times = {p: float(np.median([decision_time(load(name, planner=p, settings=brief)) for name in suite()])) for p in planners}
+    result = read_suite(table, bounds, times)
     files = write_suite(result, out)
     show(suite_table(result))
     show(scenario_table(result))
+    if runs < FEWEST:
+        say(f"With fewer than {FEWEST} seeds (--runs) no difference can be told from chance: all planners count as equal.")
     say(f"Written to {out}{'' if out.is_absolute() else '/'}: {', '.join(files)}, campaign.csv.")
+    if failed:
+        raise typer.Exit(3)
 
 
 @app.command()
@@ -112,9 +121,19 @@ def campaign(
     scheduler: Annotated[str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Of a Dask cluster to fly on.")] = None,
 ) -> None:
     """Fly scenarios x planners x seeds x settings into one table; what was flown is never lost, and never flown again."""
-    from obsplan.campaign import fly_campaign, plan_cells
+    from obsplan.campaign import plan_cells
 
-    cells = plan_cells(scenarios, planners=planners.split(",") if planners else (), vary=vary or (), runs=runs, seed=seed)
+    cells = plan_cells(scenarios, planners=named(planners), vary=vary or (), runs=runs, seed=seed)
+    failed = fly(cells, out, workers=workers, scheduler=scheduler)
+    say(f"Written to {out}{'' if out.is_absolute() else '/'}: campaign.parquet, campaign.csv. Next: obsplan campaign-report {out}")
+    if failed:
+        raise typer.Exit(3)
+
+
+def fly(cells: tuple["Cell", ...], out: Path, *, workers: int | None = None, scheduler: str | None = None) -> int:
+    """Fly a campaign and say what became of it; returns how many missions failed."""
+    from obsplan.campaign import fly_campaign
+
     try:
         with campaign_bar(f"{len(cells)} combinations") as progress:
             report = fly_campaign(cells, out, workers=workers, scheduler=scheduler, progress=progress)
@@ -122,13 +141,11 @@ def campaign(
         typer.echo(f"obsplan: interrupted; what was flown is kept in {out}, and the same command goes on from there", err=True)
         sys.exit(INTERRUPTED)  # not by way of `main`, which says that nothing was written
     say(f"{report.missions} missions: {report.flown} flown now, {report.missions - report.flown} were there, {report.failed} failed.")
-    say(f"Written to {out}{'' if out.is_absolute() else '/'}: campaign.parquet, campaign.csv. Next: obsplan campaign-report {out}")
     for cell, number, reason in report.failures:
         typer.echo(f"obsplan: {cell.label}, seed {number}: {reason}", err=True)
     if report.failed > len(report.failures):
         typer.echo(f"obsplan: and {report.failed - len(report.failures)} more; see campaign.csv", err=True)
-    if report.failed:
-        raise typer.Exit(3)
+    return report.failed
 
 
 @app.command()
@@ -249,6 +266,11 @@ def show(table: Any) -> None:
 
     console = Console()
     Console(width=None if console.is_terminal else 160, soft_wrap=False).print(table)
+
+
+def named(planners: str | None) -> list[str]:
+    """Planners of a list on the command line."""
+    return [name.strip() for name in (planners or "").split(",") if name.strip()]
 
 
 def say(text: str) -> None:

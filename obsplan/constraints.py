@@ -147,7 +147,9 @@ def first_move_violation(
     positions = arc_positions(pose, turn_rates, speed, times)
     half_step = 0.5 * speed * interval / MOVE_POINTS
     after = np.concatenate([positions[:, -1], pose[2] + turn_rates[:, None] * interval], axis=-1)
-    fixed = np.maximum(constraints.fixed_violation(positions).max(axis=-1), loiter_violation(constraints, after, radius).min(axis=-1))
+    fixed = constraints.fixed_violation(positions).max(axis=-1)
+    if speed > 0:  # a vehicle at rest needs no circle
+        fixed = np.maximum(fixed, loiter_violation(constraints, after, radius).min(axis=-1))
     known = auvs(np.append(0.0, times))
     strides = 0.5 * np.max(np.linalg.norm(np.diff(known, axis=0), axis=-1), axis=-1, initial=0.0)
     apart = np.max(constraints.separation_violation(positions, known[1:], room) + strides, axis=-1)

@@ -1,6 +1,7 @@
 """The information horizon: within its limits in closed loop, away from AUVs that are not sure of their place, and better for it."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -132,6 +133,17 @@ def test_keeps_its_distance_from_an_auv_that_is_not_sure_of_its_place(monkeypatc
     blind = [closest(belief(0.0, 0.0, 6.0), np.array(start)) for start in starts]
     assert min(blind) < 6.0  # negative control: as a filter that neglects the error, it goes closer
     assert np.median(blind) < np.median(unsure) - 2.0
+
+
+@pytest.mark.parametrize(
+    "change", [{"drift": (math.nan, 0.0)}, {"process_noise": (math.nan, 0.0, 0.0)}, {"covariance": np.full((4, 4), np.nan)}]
+)
+def test_beliefs_that_are_no_numbers_are_said_to_be_so(change):
+    cna = op.Unicycle(speed=2.0, min_turn_radius=5.0)
+    auv = replace(op.Belief.at(30.0, 0.0, speed=1.0, covariance=np.eye(4)), **change)
+    decision = op.InformationHorizon(cna, ping_interval=2.0, sigma=1.0).plan(op.Pose(0.0, 0.0, 0.0), [auv])
+    assert decision.status == Status.INVALID_INPUT
+    assert decision.turn_rate == 0.0
 
 
 # Its limits

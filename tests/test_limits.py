@@ -106,6 +106,21 @@ def test_planners_that_know_no_limits_are_kept_within_them_between_decisions_too
         assert run.status_counts[Status.LIMITED.label] > 0
 
 
+def test_a_planner_made_without_the_scenarios_limits_is_kept_within_them_too():
+    fence = [[60.0, -60.0], [110.0, -60.0], [110.0, -5.0], [60.0, -5.0]]
+    mission = scenario(constraints={"geofence": fence}, duration=60.0)
+    unaware = op.InformationHorizon(mission.cna, ping_interval=2.0, sigma=1.0)
+    run = op.simulate(mission, planner=unaware)
+    assert Status.LIMITED.label in run.status_counts
+    assert run.violation.max() < 1e-3
+
+
+def test_a_vehicle_at_rest_needs_no_circle_to_turn_on():
+    pool = Polygon(points=((-4.0, -4.0), (4.0, -4.0), (4.0, 4.0), (-4.0, 4.0)))  # too small for a circle of 5 m
+    assert kept(wanted(speed=0.0), HERE, geofence=pool).status == Status.OPTIMAL
+    assert kept(wanted(speed=0.1), HERE, geofence=pool).status == Status.VIOLATED
+
+
 def test_a_users_planner_is_kept_within_limits_and_one_that_knows_them_is_left_alone():
     class Straight:
         def plan(self, pose, auvs, *, time=0.0):  # noqa: ARG002

@@ -1,11 +1,14 @@
 """The suite of scenarios, and what is said of planners on it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from obsplan.report.suite import decision_time, least_error, read_suite, scenario_table, suite_figure, suite_table, write_suite
+from obsplan.report.suite import decision_time, least_error, missions_of, read_suite, scenario_table, suite_figure, suite_table, write_suite
 from obsplan.scenario import load, shipped, suite
+from obsplan.types import ObsplanError
 
 
 def table(errors):
@@ -64,6 +67,29 @@ def test_the_best_on_the_whole_stands_beside_the_best_other_of_each_scenario(two
     assert columns["Efficiency"] == ["0.50", "0.50"]
     alone = read_suite(two[two["planner"] == "good"], {"a": 0.25, "b": 0.25}, {"good": 1.0})
     assert [list(column.cells) for column in scenario_table(alone).columns][2] == ["", ""]
+
+
+def test_planner_that_always_fails_is_last_wins_nothing_and_ties_with_none(two, tmp_path):
+    broken = table({("a", "broken"): [np.nan] * 20, ("b", "broken"): [0.5] * 20}).assign(error="")
+    broken.loc[broken["rms_error_m"].isna(), "status"] = "failed"
+    result = read_suite(pd.concat([two.assign(error=""), broken]), {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0, "broken": 3.0})
+    cell = result.cells.set_index(["scenario", "planner"]).loc[("a", "broken")]
+    assert not cell["ties"]
+    assert cell["ratio"] == np.inf
+    assert list(result.planners["planner"])[-1] == "broken"
+    assert "suite.png" in write_suite(result, tmp_path)
+    everything = read_suite(broken[broken["scenario"] == "a"], {"a": 0.25}, {"broken": 3.0})
+    assert everything.planners["wins"].to_list() == [0]
+
+
+def test_missions_under_other_settings_are_not_mixed_into_the_verdict(two, tmp_path):
+    cells = tuple(SimpleNamespace(scenario=s, planner=p, seeds=range(20)) for s in "ab" for p in ("good", "bad"))
+    assert len(missions_of(cells, two, tmp_path)) == 80
+    assert len(missions_of(cells[:2], two, tmp_path)) == 40
+    with pytest.raises(ObsplanError, match=f"{tmp_path} has missions of these planners under several settings"):
+        missions_of(cells, pd.concat([two, two]), tmp_path)
+    with pytest.raises(ObsplanError, match="give each --set one value"):
+        missions_of((*cells, cells[0]), two, tmp_path)
 
 
 def test_suite_is_written_without_what_differs_between_machines(two, tmp_path):

@@ -34,7 +34,7 @@ def check_positive(planner: object, **units: str) -> None:
 
 
 def check_at_least(planner: object, **least: int) -> None:
-    """Refuse a count that is too small.
+    """Refuse a count that is too small; None is no value.
 
     Raises
     ------
@@ -42,5 +42,6 @@ def check_at_least(planner: object, **least: int) -> None:
         Naming the field, the least it may be and the value.
     """
     for name, bound in least.items():
-        if getattr(planner, name) < bound:
-            raise ValueError(f"{name} must be at least {bound}, got {getattr(planner, name)}")
+        value = getattr(planner, name)
+        if value is not None and not value >= bound:
+            raise ValueError(f"{name} must be at least {bound}, got {value}")

@@ -73,6 +73,8 @@ class InformationHorizon:
             beam_width=self.beam_width,
             **self._limits(state, turn_rates, auvs),
         )
+        if not np.isfinite(best.score):  # a drift or a process noise is no number
+            return straight_on(self.cna, pose, Status.INVALID_INPUT, len(auvs))
         turn_rate = float(best.turn_rates[0])
         path = manoeuvre_path(pose, best, stages, self.cna.speed)
         nothing = np.full(len(auvs), np.nan)

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from formulations.solution import Status
-from obsplan.planners.checks import check_positive
+from obsplan.planners.checks import check_at_least, check_positive
 from obsplan.planners.protocol import predict_path, straight_on
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
@@ -32,8 +32,7 @@ class RandomTurns:
     hold: Annotated[float, "time a turn is held [s]"] = 5.0
 
     def __post_init__(self) -> None:
-        if self.seed is not None and self.seed < 0:
-            raise ValueError(f"seed must be at least 0, got {self.seed}")
+        check_at_least(self, seed=0)
         check_positive(self, hold="s")
 
     def for_mission(self, seed: int) -> "RandomTurns":

@@ -4,24 +4,27 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obsplan.campaign.statistics import medians, signed_rank_p
 from obsplan.files import write_atomically
+from obsplan.planners.protocol import expression_of
 from obsplan.scenario import Scenario
 from obsplan.simulation import ClosedLoop
-from obsplan.types import Belief
+from obsplan.types import ObsplanError
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
     from rich.table import Table
 
+    from obsplan.campaign.plan import Cell
+
 LEVEL = 0.05  # of significance, below which a difference is not put down to chance
-DECISIONS = 30  # timed per planner and scenario
+FEWEST = 6  # pairs of which the signed-rank test can call a difference significant
 SHOWN_WORST = 5.0  # times the best, at which the figure's colours end
 
 
@@ -52,13 +55,14 @@ def read_suite(table: "pd.DataFrame", bounds: dict[str, float], decision_ms: dic
     """
     cells = medians(table)[["scenario", "planner", "missions", "failed", "rms_error_m", "pcrb_rms_m", "violation_max_m"]]
     errors = table.pivot_table(index=["scenario", "seed"], columns="planner", values="rms_error_m", dropna=False)
-    best = cells.loc[cells.groupby("scenario")["rms_error_m"].idxmin()].set_index("scenario")
-    against = cells["scenario"].map(best["planner"])
+    flown = cells.dropna(subset="rms_error_m")  # a planner that always failed has no error, and is infinitely worse than any other
+    best = flown.loc[flown.groupby("scenario")["rms_error_m"].idxmin()].set_index("scenario")
+    against = [best["planner"].get(scenario, "") for scenario in cells["scenario"]]
     p = [_p(errors.loc[s], one, other) for s, one, other in zip(cells["scenario"], cells["planner"], against, strict=True)]
     cells = cells.assign(
-        ratio=cells["rms_error_m"] / cells["scenario"].map(best["rms_error_m"]),
+        ratio=(cells["rms_error_m"] / cells["scenario"].map(best["rms_error_m"])).fillna(np.inf),
         p=p,
-        ties=np.array(p) > LEVEL,
+        ties=(np.array(p) > LEVEL) & cells["rms_error_m"].notna(),
         efficiency=cells["scenario"].map(bounds) / cells["pcrb_rms_m"],
     )
     by_planner = cells.groupby("planner")
@@ -76,8 +80,26 @@ def read_suite(table: "pd.DataFrame", bounds: dict[str, float], decision_ms: dic
 
 
 def _p(errors: "pd.DataFrame", one: str, other: str) -> float:
-    """Of the two planners' errors over the same seeds; 1 of a planner against itself."""
-    return 1.0 if one == other else signed_rank_p((errors[one] - errors[other]).dropna().to_numpy())
+    """Of the two planners' errors over the same seeds; 1 of a planner against itself, or where there are none."""
+    if one == other or not {one, other} <= set(errors.columns):
+        return 1.0
+    return signed_rank_p((errors[one] - errors[other]).dropna().to_numpy())
+
+
+def missions_of(cells: "tuple[Cell, ...]", table: "pd.DataFrame", folder: Path) -> "pd.DataFrame":
+    """Those missions of a campaign's table that the cells plan.
+
+    Raises
+    ------
+    ObsplanError
+        The folder has missions of the same planners and seeds under other settings.
+    """
+    planned = {(cell.scenario, cell.planner, seed) for cell in cells for seed in cell.seeds}
+    keys = list(zip(table["scenario"], table["planner"], table["seed"], strict=True))
+    found = table[[key in planned for key in keys]]
+    if len(found) > len(planned) or sum(len(cell.seeds) for cell in cells) > len(planned):
+        raise ObsplanError(f"{folder} has missions of these planners under several settings; give each --set one value, or another --out")
+    return found
 
 
 def least_error(scenario: Scenario) -> float:
@@ -88,15 +110,10 @@ def least_error(scenario: Scenario) -> float:
 
 
 def decision_time(scenario: Scenario) -> float:
-    """Median time of a decision of the scenario's planner at the start [ms]."""
+    """Median time of a decision of the scenario's planner, called between the steps of the mission [ms]."""
     planner = scenario.planner()
-    beliefs = [Belief.at(*reference.polyline[0].tolist(), covariance=np.eye(4), weight=1.0) for reference in scenario.references]
-    seconds = []
-    for k in range(DECISIONS):
-        began = perf_counter()
-        planner.plan(scenario.start, beliefs, time=k * scenario.decide_every * scenario.table.time_step)
-        seconds.append(perf_counter() - began)
-    return float(np.median(seconds) * 1e3)
+    walked = planner if expression_of(planner) is None else SimpleNamespace(plan=planner.plan)
+    return float(np.median(ClosedLoop(scenario=scenario, planner=walked).fly(scenario.table.seed).timing.decision_seconds) * 1e3)
 
 
 def suite_table(suite: Suite) -> "Table":

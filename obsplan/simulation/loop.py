@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from formulations.solution import Status
+from obsplan.constraints import UNLIMITED
 from obsplan.planners.limits import within_limits
 from obsplan.planners.protocol import Planner
 from obsplan.run import Run, Timing, record
@@ -132,10 +133,10 @@ class ClosedLoop:
         return seconds
 
     def _decision(self, planner: Planner, pose: Pose, auvs: list[Belief], time: float) -> Decision:
-        """What the vehicle makes of the planner's manoeuvre; a planner that knows no limits is kept within them."""
+        """What the vehicle makes of the planner's manoeuvre; a planner that does not know the limits is kept within them."""
         scenario, limits = self.scenario, self.scenario.constraints
         decision = flyable(planner.plan(pose, auvs, time=time), scenario.cna)
-        if not limits or hasattr(planner, "constraints"):
+        if getattr(planner, "constraints", UNLIMITED) == limits:
             return decision
         interval = scenario.decide_every * scenario.table.time_step
         return within_limits(decision, pose, auvs, cna=scenario.cna, constraints=limits, interval=interval)
@@ -169,11 +170,11 @@ def course(reference: Reference, mean: np.ndarray, now: float) -> Callable[[np.n
 
 def flyable(decision: Decision, cna: Unicycle) -> Decision:
     """What the vehicle makes of a decision: turns within its limit, straight on for what is no number; the status says so."""
-    limit = cna.max_turn_rate * (1 + ROUNDING)
     if not (np.isfinite([decision.turn_rate, decision.speed]).all() and decision.speed >= 0):
         return replace(decision, turn_rate=0.0, speed=cna.speed, status=Status.INVALID_INPUT)
-    if abs(decision.turn_rate) > limit:
-        return replace(decision, turn_rate=math.copysign(cna.max_turn_rate, decision.turn_rate), status=Status.CLIPPED)
+    limit = decision.speed / cna.min_turn_radius
+    if abs(decision.turn_rate) > limit * (1 + ROUNDING):
+        return replace(decision, turn_rate=math.copysign(limit, decision.turn_rate), status=Status.CLIPPED)
     return decision
 
 
