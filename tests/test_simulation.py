@@ -33,7 +33,8 @@ class Wanderer:
     generator: np.random.Generator = field(default_factory=lambda: np.random.default_rng(8))
 
     def plan(self, pose, auvs, *, time=0.0):  # noqa: ARG002
-        turn_rate, speed = float(self.generator.uniform(-0.4, 0.4)), float(self.generator.uniform(0.0, 3.0))
+        speed = float(self.generator.uniform(0.0, 3.0))
+        turn_rate = float(self.generator.uniform(-1.0, 1.0)) * speed / 5.0
         path = np.array([[pose.x, pose.y, pose.heading]])
         return op.Decision(turn_rate=turn_rate, speed=speed, path=path, score=turn_rate, status=Status.OPTIMAL)
 
@@ -428,3 +429,13 @@ def test_vehicle_flies_no_turn_beyond_its_limit_and_none_that_is_no_number(turn_
     run = op.simulate("fixed-auv", planner=Wild())
     np.testing.assert_array_equal(run.turn_rate, flown)
     assert run.status_counts == {status: 200}
+
+
+def test_slow_vehicle_turns_on_no_smaller_circle():
+    class Slow:
+        def plan(self, pose, auvs, *, time=0.0):  # noqa: ARG002
+            return op.Decision(turn_rate=2.0, speed=0.25)
+
+    run = op.simulate("fixed-auv", planner=Slow())  # whose vehicle turns at 2 rad/s when it does 1 m/s
+    np.testing.assert_array_equal(run.turn_rate, 0.5)
+    assert run.status_counts == {"clipped": 200}
