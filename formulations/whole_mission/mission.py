@@ -61,6 +61,7 @@ class Mission:
     compass: float  # standard deviation [rad]
     ranging: Ranging
     pings: Integer[np.ndarray, " N"]
+    ping_every: int  # samples between ranges
     start: Float[np.ndarray, "3"]  # of the aid vehicle: east, north [m], heading [rad]
     cna_speed: float  # [m/s]
     max_turn_rate: float  # [rad/s]
@@ -74,11 +75,6 @@ class Mission:
     def first_ping(self) -> int:
         """Sample of the first range; the mission's last where there is none."""
         return int(self.pings[0]) if self.pings.size else self.steps
-
-    @property
-    def ping_every(self) -> int:
-        """Steps between ranges."""
-        return int(self.pings[1] - self.pings[0]) if self.pings.size > 1 else self.first_ping
 
     @cached_property
     def stages(self) -> Stages:

@@ -1,6 +1,8 @@
 """Search for the turns of a whole mission: descend from many starts, keep the best."""
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 from typing import cast
 
@@ -19,9 +21,10 @@ PROBE = 1e-3  # [m]; by which positions are moved to see how the violation chang
 PROBES = PROBE * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
 FIRST, ITERATIONS, POLISH = 30, 300, 3000  # of the descents from all starts, of the better ones' and of the best's
 BETTER = 3  # one of so many starts is worth going on with
-REDUCTION = 1e-8  # relative, of the objective: where it falls by less, the descent is at its end
+REDUCTION = 1e-8  # of the objective, relative to going straight on: where it falls by less, the descent is at its end
 PAIRS = 20  # steps remembered as curvature
-GRADIENT = 1e-7  # largest entry of the projected gradient [m^2] at which there is nothing to descend
+GRADIENT = 1e-7  # largest entry of the projected gradient, likewise relative, at which there is nothing to descend
+ALIKE = 1e-3  # [m]; violations that differ by less are ranked by their scores
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,7 +35,6 @@ class Plan:
     hold: int
     score: float  # time mean of the weighted position variance [m^2]
     violation: float  # how far the path breaks a limit at a sample [m], at least 0
-    start_scores: Float[np.ndarray, " starts"]  # what the descents began with [m^2]
     status: Status
 
 
@@ -44,6 +46,11 @@ class Objective:
     variance: PredictedVariance
     violation: Violation | None
     margin: float  # kept from the limits [m]
+
+    @cached_property
+    def unit(self) -> float:
+        """Mean variance of going straight on [m^2], which the descents' tolerances are relative to; 1 where all is known."""
+        return self.score(np.zeros(self.turns.count)) or 1.0
 
     def score(self, w: Float[np.ndarray, " n"]) -> float:
         """Mean variance [m^2]."""
@@ -85,9 +92,9 @@ class Try:
     score: float  # [m^2]
 
 
-def rank(tried: Try) -> tuple[float, float]:
-    """What is better comes first: less violation, then less variance."""
-    return tried.broken, tried.score
+def rank(tried: Try) -> tuple[int, float]:
+    """What is better comes first: less violation, in steps of `ALIKE` the first of which is none at all, then less variance."""
+    return math.ceil(tried.broken / ALIKE), tried.score
 
 
 def optimise(
@@ -121,7 +128,6 @@ def optimise(
         hold=hold,
         score=best.score,
         violation=best.broken,
-        start_scores=np.array([one.score for one in begun]),
         status=Status.VIOLATED if best.broken > 0 else best.status,
     )
 
@@ -135,10 +141,14 @@ def descend(objective: Objective, w: Float[np.ndarray, " n"], iterations: int = 
     """A local minimiser, or where the iterations ended."""
     from scipy.optimize import minimize
 
+    def scaled(w: np.ndarray, penalty: float) -> tuple[float, np.ndarray]:
+        value, gradient = objective.penalised(w, penalty)
+        return value / objective.unit, gradient / objective.unit
+
     success = True
     for penalty in (0.0,) if objective.violation is None else PENALTIES:
         result = minimize(
-            objective.penalised,
+            scaled,
             w,
             args=(penalty,),
             jac=True,

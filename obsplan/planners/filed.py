@@ -29,6 +29,26 @@ class Filed:
         return float(self.time[1] - self.time[0])
 
     @cached_property
+    def straying(self) -> Float[np.ndarray, "samples auvs"]:
+        r"""Standard deviation [m] of how far each AUV is from where it filed to be, in the direction in which it is greatest.
+
+        It steers back to its heading and speed at every sample, but not to its line: what moved it stays, an error of heading or speed
+        lasts a step. With the process noise's :math:`σ_p, σ_ψ, σ_V` and the speed V, the variance along or across its course is at most
+
+        .. math:: σ^2(t) = \int_0^t σ_p^2 + Δt^2 \max(V^2 σ_ψ^2, σ_V^2) \, dt.
+        """
+        east, north, heading, speed = self.process_noise.T
+        steered = self.time_step * np.maximum(self.speed[:-1] * heading, speed)
+        variance = np.cumsum((np.maximum(east, north) ** 2 + steered**2) * self.time_step, axis=0)
+        return np.sqrt(np.concatenate([np.zeros((1, variance.shape[1])), variance]))
+
+    @cached_property
+    def strides(self) -> Float[np.ndarray, "samples auvs"]:
+        """How far [m] each AUV files to move in the step before a sample or in that after it, whichever is farther."""
+        moves = np.pad(np.linalg.norm(np.diff(self.position, axis=0), axis=-1), ((1, 1), (0, 0)))
+        return np.maximum(moves[:-1], moves[1:])
+
+    @cached_property
     def _key(self) -> tuple[bytes, ...]:
         return tuple(np.ascontiguousarray(getattr(self, name)).tobytes() for name in self.__dataclass_fields__)
 

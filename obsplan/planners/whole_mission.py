@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Annotated, Literal
 
 import numpy as np
@@ -14,6 +14,7 @@ from obsplan.constraints import UNLIMITED, Constraints
 from obsplan.planners.checks import check_at_least, check_choices, check_positive
 from obsplan.planners.filed import Filed
 from obsplan.planners.information import manoeuvre_path
+from obsplan.planners.limits import SURE
 from obsplan.planners.protocol import ROUNDING, unusable
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
@@ -29,12 +30,14 @@ MARGIN = 0.05  # kept from limits, in smallest turning radii: what a penalty lea
 class WholeMission:
     """Choose the turns of the whole mission at once for the least time mean of the AUVs' predicted position variance.
 
-    Planned once, from the surveys as filed, before the mission begins, and followed open loop: nothing measured changes it, nor does a
-    mission's noise. Each turn is held for ``segment``. Of ``starts`` descents along exact gradients, from the receding horizon's way,
-    orbits, constant and random turns, and the best itself shaken, the best local optimum is taken (`formulations.whole_mission`). Limits
-    hold for the surveys as filed; if no descent keeps them, the least violating is taken and the status says so. A vehicle that is not
-    where the plan has it gets a plan of its own for the rest of the mission, as if it began there. ``score`` is the mean weighted position
-    variance [m^2].
+    Planned once, from the surveys as filed, before the mission begins, and followed open loop: no estimate changes it, nor does a mission's
+    noise. Each turn is held for ``segment``. Of ``starts`` descents along exact gradients, from the receding horizon's way, orbits, constant
+    and random turns, and the best itself shaken, the best local optimum is taken (`formulations.whole_mission`). Limits hold for the surveys
+    as filed, separations with room for AUVs that stray from them (`Limits`); if no descent keeps them, the least violating is taken and the
+    status says so. A vehicle that is not where the plan has it, as after going straight on for a pose or a belief that was not finite, gets a
+    plan of its own for the rest of the mission, as if it began there. ``score`` is the mean weighted position variance [m^2].
+
+    All is planned at the first decision, before there is any progress to tell of: COST
     """
 
     condition_label = ""
@@ -56,6 +59,9 @@ class WholeMission:
         check_positive(self, ping_interval="s", sigma="m", heading_sigma="rad", decision_interval="s")
         check_choices(self)
         check_at_least(self, starts=1, search_seed=0)
+        step, ratio = self.filed.time_step, self.ping_interval / self.filed.time_step
+        if not (0.5 < ratio < np.inf and abs(ratio - round(ratio)) < ROUNDING):
+            raise ValueError(f"ping_interval must be a whole multiple of the time step, {step:.6g} s, got {self.ping_interval} s")
         if self.segment is not None:
             self._check_segment(self.segment)
 
@@ -107,7 +113,8 @@ class WholeMission:
 
     def _mission(self, frame: "Frame", first: int) -> Mission:
         """What is known from a sample on, as seen by the vehicle there."""
-        filed, every = self.filed, round(self.ping_interval / self.filed.time_step)
+        filed = self.filed
+        every = round(min(self.ping_interval / filed.time_step, filed.time.size))  # at most: none in the mission
         after = slice(first, None)
         courses = np.stack([np.cos(filed.heading[after]), np.sin(filed.heading[after])], axis=-1)
         total = filed.weights.sum()
@@ -116,19 +123,20 @@ class WholeMission:
             position=np.round(frame.seen(filed.position[after] - frame.origin), PLACES),
             heading=np.round(frame.seen(courses), PLACES),
             speed=np.round(filed.speed[after], PLACES),
-            covariance=filed.covariance,
+            covariance=frame.seen_covariances(filed.covariance),
             process_noise=filed.process_noise,
             weights=filed.weights / total if total > 0 else np.full(filed.weights.size, 1 / filed.weights.size),
             compass=self.heading_sigma,
             ranging=Ranging(self.sigma, self.ranging_kind == "squared-range"),
             pings=np.arange(first // every * every + every, filed.time.size, every) - first,
+            ping_every=every,
             start=np.zeros(3),
             cna_speed=self.cna.speed,
             max_turn_rate=self.cna.max_turn_rate,
         )
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=8)
 def _voyages(planner: WholeMission) -> "list[Voyage]":  # noqa: ARG001 - the key
     """Plans made for a planner in this process, the newest first: missions that differ in noise fly the same one."""
     return []
@@ -154,6 +162,15 @@ class Frame:
         """Vectors of the world in this frame."""
         return vectors @ self.axes.T
 
+    def seen_covariances(self, P: Float[np.ndarray, "M 4 4"]) -> Float[np.ndarray, "M 4 4"]:
+        """Covariances of east, north, heading and speed as those of ahead, abeam, heading and speed, which `PLACES` are kept of in [m]."""
+        turn = np.eye(4)
+        turn[:2, :2], turn[2, 2] = self.axes, self.mirror
+        exact = turn @ P @ turn.T
+        turned = np.round(exact, PLACES)
+        turned[:, 2:, 2:] = exact[:, 2:, 2:]  # at most their signs have changed
+        return turned
+
     def back(self, positions: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch 2"]:
         """Positions in this frame in the world."""
         return self.origin + positions @ self.axes
@@ -161,21 +178,27 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """How far positions in the vehicle's frame break the limits at times since a sample, the AUVs being where they filed to be."""
+    """How far positions in the vehicle's frame break the limits at times since a sample, the AUVs being near where they filed to be.
+
+    Separations have room for three standard deviations (`SURE`) of how far an AUV has strayed by then (`Filed.straying`).
+    """
 
     planner: WholeMission
     frame: Frame
     first: int
 
     def __call__(self, positions: Float[np.ndarray, "*batch 2"], time: Float[np.ndarray, " *samples"]) -> Float[np.ndarray, "*batch"]:
-        """Violation [m], half the way between two samples added."""
+        """Violation [m]; half the way of each vehicle between two samples is added, so that nothing between them is missed."""
         limits, filed, world = self.planner.constraints, self.planner.filed, np.ascontiguousarray(self.frame.back(positions))
         at = (time / filed.time_step + self.first).round().astype(int).clip(max=filed.time.size - 1)
-        distance = np.linalg.norm(world[..., None, :] - filed.position[at], axis=-1)
-        apart = np.maximum(limits.min_separation - distance, distance - limits.max_separation).max(axis=-1)
-        limited = limits.min_separation > 0 or limits.max_separation < np.inf
-        fixed = limits.fixed_violation(world)
-        return (np.maximum(fixed, apart) if limited else fixed) + 0.5 * self.planner.cna.speed * filed.time_step
+        auvs = np.moveaxis(filed.position, 1, 0)[:, at, None]  # one after the other: each needs room of its own at each time
+        apart = [limits.separation_violation(world, auv) + room for auv, room in zip(auvs, self._room[:, at], strict=True)]
+        return np.max([limits.fixed_violation(world), *apart], axis=0) + 0.5 * self.planner.cna.speed * filed.time_step
+
+    @cached_property
+    def _room(self) -> Float[np.ndarray, "auvs samples"]:
+        filed = self.planner.filed
+        return (SURE * filed.straying + 0.5 * filed.strides).T
 
 
 @dataclass(frozen=True, eq=False)
