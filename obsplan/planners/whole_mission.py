@@ -37,7 +37,8 @@ class WholeMission:
     status says so. A vehicle that is not where the plan has it, as after going straight on for a pose or a belief that was not finite, gets a
     plan of its own for the rest of the mission, as if it began there. ``score`` is the mean weighted position variance [m^2].
 
-    All is planned at the first decision, before there is any progress to tell of: COST
+    All is planned at the first decision, before there is any progress to tell of: measured for two AUVs, one processor takes 4 to 7 s per
+    thousand time steps of the mission, 12 s under limits.
     """
 
     condition_label = ""
