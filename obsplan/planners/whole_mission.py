@@ -30,12 +30,13 @@ MARGIN = 0.05  # kept from limits, in smallest turning radii: what a penalty lea
 class WholeMission:
     """Choose the turns of the whole mission at once for the least time mean of the AUVs' predicted position variance.
 
-    Planned once, from the surveys as filed, before the mission begins, and followed open loop: no estimate changes it, nor does a mission's
-    noise. Each turn is held for ``segment``. Of ``starts`` descents along exact gradients, from the receding horizon's way, orbits, constant
-    and random turns, and the best itself shaken, the best local optimum is taken (`formulations.whole_mission`). Limits hold for the surveys
-    as filed, separations with room for AUVs that stray from them (`Limits`); if no descent keeps them, the least violating is taken and the
-    status says so. A vehicle that is not where the plan has it, as after going straight on for a pose or a belief that was not finite, gets a
-    plan of its own for the rest of the mission, as if it began there. ``score`` is the mean weighted position variance [m^2].
+    Planned once, from the surveys as filed, before the mission begins, and followed open loop: no estimate changes it, nor does a
+    mission's noise. Each turn is held for ``segment``. Of ``starts`` descents along exact gradients, from the receding horizon's way,
+    orbits, constant and random turns, and the best itself shaken, the best local optimum is taken (`formulations.whole_mission`). Limits
+    hold for the surveys as filed, separations with room for AUVs that stray from them (`Limits`); if no descent keeps them, the least
+    violating is taken and the status says so. A vehicle that is not where the plan has it, as after going straight on for a pose or a
+    belief that was not finite, gets a plan of its own for the rest of the mission, as if it began there. ``score`` is the mean weighted
+    position variance [m^2].
 
     All is planned at the first decision, before there is any progress to tell of: measured for two AUVs, one processor takes 4 to 7 s per
     thousand time steps of the mission, 12 s under limits.
