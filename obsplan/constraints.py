@@ -130,8 +130,9 @@ def first_move_violation(
 
     A vehicle that cannot stop is safe for ever as long as one of its two smallest circles, with what it encloses, is within the fixed
     limits: turning on the free one keeps it free. So if the limiting turns are among the candidates and one circle is free now, some
-    candidate always keeps within the fixed limits. Distances change by no more than the vehicles move: half of that between points looked
-    at is added, and nothing between them is missed.
+    candidate always keeps within the fixed limits. It is preferred where no separation can be kept: whatever breaks a fixed limit is made
+    out to be worse than the worst that does not. Distances change by no more than the vehicles move: half of that between points looked at
+    is added, and nothing between them is missed.
 
     Parameters
     ----------
@@ -153,7 +154,8 @@ def first_move_violation(
     known = auvs(np.append(0.0, times))
     strides = 0.5 * np.max(np.linalg.norm(np.diff(known, axis=0), axis=-1), axis=-1, initial=0.0)
     apart = np.max(constraints.separation_violation(positions, known[1:], room) + strides, axis=-1)
-    return np.maximum(fixed, apart) + half_step
+    worst = np.maximum(fixed, apart) + half_step
+    return np.where(fixed + half_step > 0, worst + max(0.0, float(np.max(apart)) + half_step), worst)
 
 
 def arc_positions(

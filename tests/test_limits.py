@@ -60,6 +60,17 @@ def test_where_every_turn_breaks_a_limit_the_least_violating_is_flown_and_the_st
     assert decision.turn_rate == -0.4  # away from the centre, which is to the left
 
 
+def test_a_keep_out_is_never_the_price_of_a_separation_that_cannot_be_kept():
+    shoal = Disc(x=6.0, y=10.0, radius=5.0)
+    auv = op.Belief.at(4.0, -6.0)  # to the right; every turn ends nearer than 20 m, the shoal to the left is farther from it
+    assert kept(wanted(), HERE, [auv], min_separation=20.0).turn_rate > 0.3
+    decision = kept(wanted(), HERE, [auv], min_separation=20.0, keep_out=(shoal,))
+    assert decision.status == Status.VIOLATED
+    after = arc((0.0, 0.0, 0.0), decision.turn_rate, 2.0, 2.0)
+    sides = [(after[0] - s * 5.0 * math.sin(after[2]), after[1] + s * 5.0 * math.cos(after[2])) for s in (1, -1)]
+    assert max(math.dist(side, (6.0, 10.0)) for side in sides) > 5.0 + 5.0  # a free circle is left
+
+
 def test_numbers_that_are_none_and_no_auv_at_all_are_taken_as_they_come():
     nowhere = op.Belief.at(math.nan, 0.0)
     assert kept(wanted(), op.Pose(math.nan, 0.0, 0.0), geofence=SQUARE).status == Status.OPTIMAL
@@ -119,6 +130,13 @@ def test_a_vehicle_at_rest_needs_no_circle_to_turn_on():
     pool = Polygon(points=((-4.0, -4.0), (4.0, -4.0), (4.0, 4.0), (-4.0, 4.0)))  # too small for a circle of 5 m
     assert kept(wanted(speed=0.0), HERE, geofence=pool).status == Status.OPTIMAL
     assert kept(wanted(speed=0.1), HERE, geofence=pool).status == Status.VIOLATED
+
+
+@pytest.mark.slow
+def test_keep_outs_hold_even_where_auvs_come_too_near():
+    run = op.simulate(op.load("suite/keep-outs", planner="centroid-orbit"), seed=3)
+    assert run.status_counts["violated"] > 10  # for want of room to an AUV
+    assert run.scenario.constraints.fixed_violation(np.ascontiguousarray(run.cna[:, :2])).max() < 0
 
 
 def test_a_users_planner_is_kept_within_limits_and_one_that_knows_them_is_left_alone():

@@ -82,6 +82,12 @@ def test_planner_that_always_fails_is_last_wins_nothing_and_ties_with_none(two, 
     assert everything.planners["wins"].to_list() == [0]
 
 
+def test_worst_violation_of_any_seed_is_told(two):
+    broken = two.assign(violation_max_m=[*np.linspace(-5.0, 0.7, 20), *[-1.0] * 60])
+    result = read_suite(broken, {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0})
+    assert result.planners.set_index("planner")["violation_max_m"].to_dict() == {"good": 0.7, "bad": -1.0}
+
+
 def test_missions_under_other_settings_are_not_mixed_into_the_verdict(two, tmp_path):
     cells = tuple(SimpleNamespace(scenario=s, planner=p, seeds=range(20)) for s in "ab" for p in ("good", "bad"))
     assert len(missions_of(cells, two, tmp_path)) == 80

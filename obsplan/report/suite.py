@@ -32,9 +32,9 @@ SHOWN_WORST = 5.0  # times the best, at which the figure's colours end
 class Suite:
     """What a campaign over planners and scenarios says.
 
-    ``cells`` has one row per scenario and planner: medians, ``ratio`` to the scenario's lowest median error, ``p`` of Wilcoxon's
-    signed-rank test against that planner over paired seeds, ``ties`` whether it is the best or not distinguishable from it, ``efficiency``.
-    ``planners`` has one row per planner: ``wins``, ``ties``, mean and worst ratio, decision time.
+    ``cells`` has one row per scenario and planner: medians, the worst violation of any seed, ``ratio`` to the scenario's lowest median
+    error, ``p`` of Wilcoxon's signed-rank test against that planner over paired seeds, ``ties`` whether it is the best or not distinguishable from
+    it, ``efficiency``. ``planners`` has one row per planner: ``wins``, ``ties``, mean and worst ratio, decision time.
     """
 
     cells: "pd.DataFrame"
@@ -54,6 +54,8 @@ def read_suite(table: "pd.DataFrame", bounds: dict[str, float], decision_ms: dic
         Median time of a decision, per planner [ms].
     """
     cells = medians(table)[["scenario", "planner", "missions", "failed", "rms_error_m", "pcrb_rms_m", "violation_max_m"]]
+    keys = ["scenario", "planner"]
+    cells["violation_max_m"] = table.groupby(keys)["violation_max_m"].max().reindex(cells.set_index(keys).index).to_numpy()
     errors = table.pivot_table(index=["scenario", "seed"], columns="planner", values="rms_error_m", dropna=False)
     flown = cells.dropna(subset="rms_error_m")  # a planner that always failed has no error, and is infinitely worse than any other
     best = flown.loc[flown.groupby("scenario")["rms_error_m"].idxmin()].set_index("scenario")
