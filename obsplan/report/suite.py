@@ -33,8 +33,8 @@ class Suite:
     """What a campaign over planners and scenarios says.
 
     ``cells`` has one row per scenario and planner: medians, the worst violation of any seed, ``ratio`` to the scenario's lowest median
-    error, ``p`` of Wilcoxon's signed-rank test against that planner over paired seeds, ``ties`` whether it is the best or not distinguishable from
-    it, ``efficiency``. ``planners`` has one row per planner: ``wins``, ``ties``, mean and worst ratio, decision time.
+    error, ``p`` of Wilcoxon's signed-rank test against that planner over paired seeds, ``ties`` whether it is the best or not
+    distinguishable from it, ``efficiency``. ``planners`` has one row per planner: ``wins``, ``ties``, mean and worst ratio, decision time.
     """
 
     cells: "pd.DataFrame"
