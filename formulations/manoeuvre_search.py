@@ -137,7 +137,7 @@ def search_manoeuvres(
     for s, (duration, pings) in enumerate(zip(*stages, strict=True)):
         now = Tracks(*(part[s] for part in tracks))
         predicted = predict_covariance(beam.covariance, now, process_noise, float(duration))
-        poses = _turned(beam.pose[:, None], turn_rates, speed, np.array([duration]))[..., 0, :]
+        poses = arcs(beam.pose[:, None], turn_rates, speed, np.array([duration]))[..., 0, :]
         x = poses[..., None, :2] - now.position
         known = _criterion(range_update(predicted[:, None, :, :2, :2], x, ranging, float(pings)), criterion)
         cost = beam.cost[:, None] + known @ weights * (duration / total)
@@ -215,14 +215,14 @@ def _broken(
 ) -> Float[np.ndarray, " n"]:
     """How far the stage of some sequences breaks a limit, at the points looked at."""
     parent, turn = np.divmod(these, len(turn_rates))
-    along = _turned(pose[parent], turn_rates[turn], speed, duration * LOOKS)
+    along = arcs(pose[parent], turn_rates[turn], speed, duration * LOOKS)
     return violation(along[..., :2], elapsed + duration * LOOKS).max(axis=-1)
 
 
-def _turned(
+def arcs(
     pose: Float[np.ndarray, "*#batch 3"], turn_rates: Float[np.ndarray, "*#batch"], speed: float, times: Float[np.ndarray, " T"]
 ) -> Float[np.ndarray, "*batch T 3"]:
-    """Poses after turns were held for these times."""
+    """Poses (east, north [m], heading [rad]) after turns [rad/s] were held at a speed [m/s] for times [s]."""
     half = 0.5 * turn_rates[..., None] * times
     heading = pose[..., None, 2] + half
     chord = speed * times * np.sinc(half / np.pi)

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from formulations.manoeuvre_search import arcs
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disc:
@@ -145,26 +147,17 @@ def first_move_violation(
         By which separations are kept more than the limits say, per AUV [m].
     """
     times = interval * np.arange(1, MOVE_POINTS + 1) / MOVE_POINTS
-    positions = arc_positions(pose, turn_rates, speed, times)
+    poses = arcs(pose, turn_rates, speed, times)
+    positions = poses[..., :2]
     half_step = 0.5 * speed * interval / MOVE_POINTS
-    after = np.concatenate([positions[:, -1], pose[2] + turn_rates[:, None] * interval], axis=-1)
     fixed = constraints.fixed_violation(positions).max(axis=-1)
     if speed > 0:  # a vehicle at rest needs no circle
-        fixed = np.maximum(fixed, loiter_violation(constraints, after, radius).min(axis=-1))
+        fixed = np.maximum(fixed, loiter_violation(constraints, poses[:, -1], radius).min(axis=-1))
     known = auvs(np.append(0.0, times))
     strides = 0.5 * np.max(np.linalg.norm(np.diff(known, axis=0), axis=-1), axis=-1, initial=0.0)
     apart = np.max(constraints.separation_violation(positions, known[1:], room) + strides, axis=-1)
     worst = np.maximum(fixed, apart) + half_step
     return np.where(fixed + half_step > 0, worst + max(0.0, float(np.max(apart)) + half_step), worst)
-
-
-def arc_positions(
-    pose: Float[np.ndarray, "3"], turn_rates: Float[np.ndarray, " K"], speed: float, times: Float[np.ndarray, " points"]
-) -> Float[np.ndarray, "K points 2"]:
-    """Where turns held from a pose lead by times from now."""
-    half = 0.5 * turn_rates[:, None] * times
-    chord = speed * times * np.sinc(half / np.pi)
-    return pose[:2] + chord[..., None] * np.stack([np.cos(pose[2] + half), np.sin(pose[2] + half)], axis=-1)
 
 
 def loiter_violation(constraints: Constraints, poses: Float[np.ndarray, "*batch 3"], radius: float) -> Float[np.ndarray, "*batch 2"]:

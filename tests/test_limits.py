@@ -96,6 +96,23 @@ def test_separation_is_kept_farther_from_an_auv_that_is_not_sure_of_its_place():
     assert kept(wanted(), HERE, [unsure], min_separation=5.0).status == Status.LIMITED
 
 
+@pytest.mark.parametrize(
+    "planner",
+    [
+        lambda **given: op.InformationHorizon(CNA, ping_interval=2.0, sigma=1.0, **given),
+        lambda **given: op.GramianHorizon(CNA, **given),
+        lambda **given: op.Trajectory(CNA, ping_interval=2.0, sigma=1.0, **given),
+    ],
+    ids=["information", "gramian", "trajectory"],
+)
+def test_planners_that_know_the_limits_leave_room_for_an_unsure_auv(planner):
+    limited = planner(constraints=Constraints(min_separation=5.0), decision_interval=2.0)
+    sure = op.Belief.at(13.2, 0.0, covariance=np.eye(4) * 0.01)
+    assert limited.plan(HERE, [sure]).status == Status.OPTIMAL
+    unsure = replace(sure, covariance=np.eye(4) * 9.0)  # 5 + 9 m are more than there is
+    assert limited.plan(HERE, [unsure], time=50.0).status in (Status.VIOLATED, Status.SOFTENED)
+
+
 @pytest.mark.parametrize("name", IGNORANT)
 def test_planners_that_know_no_limits_are_kept_within_them_between_decisions_too(name):
     fence = [[60.0, -60.0], [110.0, -60.0], [110.0, -5.0], [60.0, -5.0]]

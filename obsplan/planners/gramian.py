@@ -10,11 +10,12 @@ import numpy as np
 from jaxtyping import Float
 
 from formulations.empirical_range_gramian import empirical_gramian_entries
+from formulations.manoeuvre_search import arcs
 from formulations.metric_expressions import position_schur_expression, score_expression
 from formulations.ping_moments import ping_moments
 from formulations.range_gramian import DisplacementMoments, displacement_moments, gramian_entries
 from formulations.solution import Status
-from obsplan.constraints import UNLIMITED, Constraints, arc_positions, first_move_violation
+from obsplan.constraints import UNLIMITED, Constraints, first_move_violation
 from obsplan.planners.candidates import first_of_the_best
 from obsplan.planners.checks import check_choices, check_positive
 from obsplan.planners.limits import expected
@@ -184,7 +185,7 @@ class GramianHorizon:
         way = {"speed": speed, "radius": self.cna.min_turn_radius, "interval": self.decision_interval}
         first = first_move_violation(self.constraints, state, rates, **way, auvs=ahead, room=room)
         times = self.look_ahead * np.arange(1, HORIZON_POINTS + 1) / HORIZON_POINTS
-        positions = arc_positions(state, rates, speed, times)
+        positions = arcs(state, rates, speed, times)[..., :2]
         return first, self.constraints.violation(positions, ahead(times), room).max(axis=-1)
 
 
