@@ -14,7 +14,11 @@ Expression = Any
 
 
 def empirical_gramian_entries(
-    x: tuple[Expression, Expression], *, turn_rates: Float[np.ndarray, " K"], speed: float, horizon: float
+    x: tuple[Expression, Expression],
+    *,
+    turn_rates: Float[np.ndarray, " K"],
+    speed: float,
+    horizon: float,
 ) -> tuple[Expression, Expression, Expression, Expression, Expression, Expression]:
     r"""Return W11, W12, W13, W22, W23, W33, each K x M, by simulating every candidate from six perturbed states.
 
@@ -24,22 +28,39 @@ def empirical_gramian_entries(
     [m]; turn rates in rad/s, speed in m/s, horizon in s. Trapezoid rule with ``INTERVALS`` intervals.
     """
     time = np.linspace(0.0, horizon, INTERVALS + 1)
-    weights = np.full(time.size, horizon / INTERVALS) * np.where((time == 0) | (time == horizon), 0.5, 1.0)
-    columns = [[_differences(x[0][j], x[1][j], u, speed, time) for j in range(x[0].shape[1])] for u in turn_rates]
+    weights = np.full(time.size, horizon / INTERVALS) * np.where(
+        (time == 0) | (time == horizon), 0.5, 1.0
+    )
+    columns = [
+        [_differences(x[0][j], x[1][j], u, speed, time) for j in range(x[0].shape[1])]
+        for u in turn_rates
+    ]
     entries = []
     for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
-        heading = horizon if i == j == 2 else 0.0  # the measured heading sees its own perturbation only: (2ε)² / 4ε² over T
-        rows = [[ca.dot(d[i] * ca.DM(weights), d[j]) / (4 * EPSILON**2) + heading for d in row] for row in columns]
+        heading = (
+            horizon if i == j == 2 else 0.0
+        )  # the measured heading sees its own perturbation only: (2ε)² / 4ε² over T
+        rows = [
+            [ca.dot(d[i] * ca.DM(weights), d[j]) / (4 * EPSILON**2) + heading for d in row]
+            for row in columns
+        ]
         entries.append(ca.vertcat(*(ca.horzcat(*row) for row in rows)))
     return tuple(entries)
 
 
-def _differences(x1: Expression, x2: Expression, turn_rate: float, speed: float, time: np.ndarray) -> list[Expression]:
+def _differences(
+    x1: Expression, x2: Expression, turn_rate: float, speed: float, time: np.ndarray
+) -> list[Expression]:
     """Squared range after each state was moved up, less after it was moved down, at every instant."""
 
     def squared_range(d1: float = 0.0, d2: float = 0.0, turned: float = 0.0) -> Expression:
         half = 0.5 * turn_rate * time
         chord = speed * time * np.sinc(half / np.pi)
-        return (x1 + d1 + ca.DM(chord * np.cos(turned + half))) ** 2 + (x2 + d2 + ca.DM(chord * np.sin(turned + half))) ** 2
+        return (x1 + d1 + ca.DM(chord * np.cos(turned + half))) ** 2 + (
+            x2 + d2 + ca.DM(chord * np.sin(turned + half))
+        ) ** 2
 
-    return [squared_range(**{state: EPSILON}) - squared_range(**{state: -EPSILON}) for state in ("d1", "d2", "turned")]
+    return [
+        squared_range(**{state: EPSILON}) - squared_range(**{state: -EPSILON})
+        for state in ("d1", "d2", "turned")
+    ]

@@ -14,12 +14,17 @@ from jaxtyping import Float, Int
 EPS = float(np.finfo(float).eps)  # spacing of doubles at 1
 RELATIVE_GAP = 0.005  # of the mean square: the bound's RMS is within 0.25 % of the best
 MAX_ITERATIONS = 300
-CURVATURE_DECREASE, CURVATURE_INCREASE = 0.9, 2.0  # of the backtracking, as in Pedregosa et al. (2020)
+CURVATURE_DECREASE, CURVATURE_INCREASE = (
+    0.9,
+    2.0,
+)  # of the backtracking, as in Pedregosa et al. (2020)
 ROUNDING = 1e-12  # of a value, relative: decreases below it cannot be told
 
 
 def range_information(
-    beacon: Float[np.ndarray, "*#batch d"], target: Float[np.ndarray, "*#batch d"], sigma: float | Float[np.ndarray, "..."]
+    beacon: Float[np.ndarray, "*#batch d"],
+    target: Float[np.ndarray, "*#batch d"],
+    sigma: float | Float[np.ndarray, "..."],
 ) -> Float[np.ndarray, "... d d"]:
     r"""Return the Fisher information of each range about the target's position, rank one along the line of sight.
 
@@ -30,11 +35,16 @@ def range_information(
     Raises ValueError unless sigma is positive.
     """
     separation, squared = _separation(beacon, target)
-    return _outer(separation) / (np.where(squared > 0, squared, 1.0) * _variance(sigma))[..., None, None]
+    return (
+        _outer(separation)
+        / (np.where(squared > 0, squared, 1.0) * _variance(sigma))[..., None, None]
+    )
 
 
 def squared_range_information(
-    beacon: Float[np.ndarray, "*#batch d"], target: Float[np.ndarray, "*#batch d"], sigma: float | Float[np.ndarray, "..."]
+    beacon: Float[np.ndarray, "*#batch d"],
+    target: Float[np.ndarray, "*#batch d"],
+    sigma: float | Float[np.ndarray, "..."],
 ) -> Float[np.ndarray, "... d d"]:
     r"""Return the Fisher information of each squared range (thesis 4.1), :math:`J = 4 x x^\top / \sigma^2` with x = beacon less target.
 
@@ -42,7 +52,11 @@ def squared_range_information(
     Raises ValueError unless sigma is positive.
     """
     separation, _ = _separation(beacon, target)
-    return 4.0 * _outer(separation) / np.broadcast_to(_variance(sigma), separation.shape[:-1])[..., None, None]
+    return (
+        4.0
+        * _outer(separation)
+        / np.broadcast_to(_variance(sigma), separation.shape[:-1])[..., None, None]
+    )
 
 
 def posterior_cramer_rao(
@@ -64,7 +78,9 @@ def posterior_cramer_rao(
     """
     n, steps = F.shape[-1], F.shape[-3]
     if J.shape[-3] != steps:
-        raise ValueError(f"F and J must have as many steps, got {steps} and {J.shape[-3]}; give J zero matrices where nothing is measured")
+        raise ValueError(
+            f"F and J must have as many steps, got {steps} and {J.shape[-3]}; give J zero matrices where nothing is measured"
+        )
     Q = Q[..., None, :, :] if Q.ndim == 2 else Q
     batch = np.broadcast_shapes(P0.shape[:-2], F.shape[:-3], Q.shape[:-3], J.shape[:-3])
     P = np.empty((*batch, steps + 1, n, n))
@@ -83,7 +99,9 @@ def posterior_cramer_rao(
     return P
 
 
-def path_information(F: Float[np.ndarray, "*#batch steps n n"], J: Float[np.ndarray, "*#batch steps n n"]) -> Float[np.ndarray, "... n n"]:
+def path_information(
+    F: Float[np.ndarray, "*#batch steps n n"], J: Float[np.ndarray, "*#batch steps n n"]
+) -> Float[np.ndarray, "... n n"]:
     r"""Return the Fisher information of a whole path about the initial state, there being no process noise.
 
     .. math:: \sum_k \Phi_{k+1}^\top J_k \Phi_{k+1}, \quad \Phi_{k+1} = F_k \cdots F_0
@@ -178,9 +196,13 @@ def information_bound(
     weights = _normalized(np.ones(len(F) + 1) if weights is None else weights, len(F) + 1)
     _check_pings(pings, len(F))
     if not (relative_gap > 0 and max_iterations >= 1):
-        raise ValueError(f"relative_gap must be positive and max_iterations at least 1, got {relative_gap} and {max_iterations}")
+        raise ValueError(
+            f"relative_gap must be positive and max_iterations at least 1, got {relative_gap} and {max_iterations}"
+        )
     precision = np.broadcast_to(1.0 / _variance(sigma), pings.shape)
-    problem = _Allocation(P0=P0, F=F, Q=Q, J_other=J_other, pings=pings, precision=precision, weights=weights)
+    problem = _Allocation(
+        P0=P0, F=F, Q=Q, J_other=J_other, pings=pings, precision=precision, weights=weights
+    )
     return _frank_wolfe(problem, relative_gap, max_iterations)
 
 
@@ -214,17 +236,23 @@ class _Allocation:
         n = len(self.P0)
         A = (np.eye(n) - P[1:] @ J) @ self.F
         wE = self.weights[:, None, None] * np.diag(np.arange(n) < 2)
-        adjoint = posterior_cramer_rao(wE[-1], A[::-1].swapaxes(1, 2), wE[-2::-1], np.zeros_like(A))[::-1]
+        adjoint = posterior_cramer_rao(
+            wE[-1], A[::-1].swapaxes(1, 2), wE[-2::-1], np.zeros_like(A)
+        )[::-1]
         after = P[self.pings + 1]
         return -self.precision[:, None, None] * (after @ adjoint[self.pings + 1] @ after)[:, :2, :2]
 
 
-def _frank_wolfe(problem: _Allocation, relative_gap: float, max_iterations: int) -> InformationBound:
+def _frank_wolfe(
+    problem: _Allocation, relative_gap: float, max_iterations: int
+) -> InformationBound:
     """Minimise over allocations; the best lower bound of all iterations is kept."""
     M = np.broadcast_to(np.eye(2) / 2, (len(problem.pings), 2, 2))
     value, J, P = problem.evaluate(M)
     if not np.isfinite(value):
-        raise ValueError(f"P0, F, Q, J_other and weights must be finite and not overflow, got a mean square of {value}")
+        raise ValueError(
+            f"P0, F, Q, J_other and weights must be finite and not overflow, got a mean square of {value}"
+        )
     bound, curvature, iterations = 0.0, 0.0, 0  # a mean square is at least zero
     while True:
         iterations += 1
@@ -233,7 +261,13 @@ def _frank_wolfe(problem: _Allocation, relative_gap: float, max_iterations: int)
         descent = -float(np.sum(gradient * step))
         bound = max(bound, value - descent)
         if value - bound <= relative_gap * value or iterations >= max_iterations:
-            return InformationBound(value=value, gap=value - bound, iterations=iterations, allocation=np.array(M), weights=problem.weights)
+            return InformationBound(
+                value=value,
+                gap=value - bound,
+                iterations=iterations,
+                allocation=np.array(M),
+                weights=problem.weights,
+            )
         curvature = max(CURVATURE_DECREASE * curvature, descent)
         while True:
             length = min(1.0, descent / curvature)
@@ -257,31 +291,43 @@ def _mean_square(P: np.ndarray, weights: np.ndarray) -> float:
 def _normalized(weights: np.ndarray, samples: int) -> np.ndarray:
     """Return weights of sum one, once they are known to be weights."""
     if len(weights) != samples:
-        raise ValueError(f"give one weight per sample: {samples} samples, got {len(weights)} weights")
+        raise ValueError(
+            f"give one weight per sample: {samples} samples, got {len(weights)} weights"
+        )
     if not (np.all(weights >= 0) and 0 < np.sum(weights) < np.inf):
-        raise ValueError(f"weights must be at least 0 and not all 0, got a least of {np.min(weights)} and a sum of {np.sum(weights)}")
+        raise ValueError(
+            f"weights must be at least 0 and not all 0, got a least of {np.min(weights)} and a sum of {np.sum(weights)}"
+        )
     return weights / np.sum(weights)
 
 
 def _check_pings(pings: np.ndarray, steps: int) -> None:
     if len(np.unique(pings)) < len(pings):
-        raise ValueError(f"pings must not repeat a step, got {len(pings)} pings at {len(np.unique(pings))} steps; combine their sigmas")
+        raise ValueError(
+            f"pings must not repeat a step, got {len(pings)} pings at {len(np.unique(pings))} steps; combine their sigmas"
+        )
     if len(pings) and (pings.min() < 0 or pings.max() >= steps):
-        raise ValueError(f"pings must be steps 0 to {steps - 1}, got {pings.min()} to {pings.max()}")
+        raise ValueError(
+            f"pings must be steps 0 to {steps - 1}, got {pings.min()} to {pings.max()}"
+        )
 
 
 @lru_cache(maxsize=64)
 def _riccati_sweep(n: int, steps: int) -> ca.Function:
     """Compile (P0, F, Q, J) -> P over all steps; matrices side by side, F transposed: the memory of row-major arrays."""
     P, Ft, Q, J = (ca.SX.sym(name, n, n) for name in ("P", "Ft", "Q", "J"))  # pyright: ignore[reportArgumentType, reportCallIssue]
-    return ca.Function("step", [P, Ft, Q, J], [_update(_symmetric(Ft.T @ P @ Ft + Q), J)]).mapaccum(steps)
+    return ca.Function("step", [P, Ft, Q, J], [_update(_symmetric(Ft.T @ P @ Ft + Q), J)]).mapaccum(
+        steps
+    )
 
 
 def _update(P: ca.SX, J: ca.SX) -> ca.SX:
     """Add the information J to the covariance P, one factor of J = Σ c cᵀ / d (Cholesky, null pivots skipped) after the other."""
     n, rest = P.shape[0], J
     for i in range(n):
-        positive = rest[i, i] > n * EPS * J[i, i]  # below, the pivot is rounding and so is its column
+        positive = (
+            rest[i, i] > n * EPS * J[i, i]
+        )  # below, the pivot is rounding and so is its column
         d = ca.if_else(positive, rest[i, i], 1.0)
         c = ca.if_else(positive, 1.0, 0.0) * ca.vertcat(ca.SX(i, 1), rest[i:, i])
         rest = rest - c @ c.T / d
@@ -309,5 +355,7 @@ def _variance(sigma: float | np.ndarray) -> np.ndarray:
     """Return sigma², once sigma is known to be positive."""
     sigma = np.asarray(sigma, dtype=float)
     if not np.all(sigma > 0):
-        raise ValueError(f"sigma must be positive, got {sigma[~(sigma > 0)].flat[0]}; for no measurement give zero information instead")
+        raise ValueError(
+            f"sigma must be positive, got {sigma[~(sigma > 0)].flat[0]}; for no measurement give zero information instead"
+        )
     return np.asarray(sigma**2)

@@ -17,12 +17,16 @@ INTERVALS_PER_TURN = 1000  # of Simpson's rule: error below 1e-10 of the Gramian
 TOLERANCES = {"rtol": 1e-13, "atol": 1e-12}  # of python-control's simulation by DOP853
 
 
-def fixed_cna_rate(x: Float[np.ndarray, "4"], heading: float, speed: float) -> Float[np.ndarray, "4"]:
+def fixed_cna_rate(
+    x: Float[np.ndarray, "4"], heading: float, speed: float
+) -> Float[np.ndarray, "4"]:
     """Return dx/dt of the AUV about a CNA at the origin, x = (position, current), as the AUV swims at speed V on heading ψ (3.1)."""
     return A @ x + np.array([speed * np.cos(heading), speed * np.sin(heading), 0.0, 0.0])
 
 
-def fixed_auv_rate(r: Float[np.ndarray, "4"], heading: float, speed: float) -> Float[np.ndarray, "4"]:
+def fixed_auv_rate(
+    r: Float[np.ndarray, "4"], heading: float, speed: float
+) -> Float[np.ndarray, "4"]:
     """Return dr/dt of a still AUV relative to the CNA, r = (position, difference of the two currents), as the CNA moves (3.8).
 
     The thesis prints ṙ = −ẋ + r3, which counts the current of the CNA twice; with (3.1) and (3.7) it is ṙ = −u + ΔW.
@@ -40,7 +44,9 @@ def output_matrix(position: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, 
     return np.concatenate([2 * position, np.zeros_like(position)], axis=-1)[..., None, :]
 
 
-def output_map(time: Float[np.ndarray, " samples"], position: Float[np.ndarray, "samples 2"]) -> Float[np.ndarray, "samples 4"]:
+def output_map(
+    time: Float[np.ndarray, " samples"], position: Float[np.ndarray, "samples 2"]
+) -> Float[np.ndarray, "samples 4"]:
     """Return C(t) Φ(t) per sample: the output that follows from an initial state, with no input (2.3).
 
     Raises ValueError unless there are two samples or more, at increasing times.
@@ -52,7 +58,9 @@ def output_map(time: Float[np.ndarray, " samples"], position: Float[np.ndarray, 
     return (output_matrix(position) @ transition_matrix(time - time[0]))[..., 0, :]
 
 
-def ltv_gramian(time: Float[np.ndarray, " samples"], position: Float[np.ndarray, "samples 2"]) -> Float[np.ndarray, "4 4"]:
+def ltv_gramian(
+    time: Float[np.ndarray, " samples"], position: Float[np.ndarray, "samples 2"]
+) -> Float[np.ndarray, "4 4"]:
     r"""Return the local observability Gramian along any sampled path, by Simpson's rule: error O(h⁴) on smooth paths.
 
     .. math:: P(T) = \int_0^T \Phi^\top C^\top C \Phi \, dt = 4 \int_0^T
@@ -65,7 +73,9 @@ def ltv_gramian(time: Float[np.ndarray, " samples"], position: Float[np.ndarray,
 
 
 def recover_initial_state(
-    time: Float[np.ndarray, " samples"], position: Float[np.ndarray, "samples 2"], output: Float[np.ndarray, " samples"]
+    time: Float[np.ndarray, " samples"],
+    position: Float[np.ndarray, "samples 2"],
+    output: Float[np.ndarray, " samples"],
 ) -> Float[np.ndarray, "4"]:
     r"""Return the initial state of the zero-input response, :math:`x(0) = P^{-1} \int \Phi^\top C^\top y \, dt` (2.6).
 
@@ -73,12 +83,16 @@ def recover_initial_state(
     """
     hidden = unobservable_subspace(time, position)
     if hidden.size:
-        raise ValueError(f"the path leaves {hidden.shape[1]} of 4 directions unobservable; curve the path before recovering a state")
+        raise ValueError(
+            f"the path leaves {hidden.shape[1]} of 4 directions unobservable; curve the path before recovering a state"
+        )
     correlation = simpson(output_map(time, position) * output[:, None], x=time, axis=0)
     return np.linalg.solve(ltv_gramian(time, position), correlation)
 
 
-def unobservable_subspace(time: Float[np.ndarray, " samples"], position: Float[np.ndarray, "samples 2"]) -> Float[np.ndarray, "4 hidden"]:
+def unobservable_subspace(
+    time: Float[np.ndarray, " samples"], position: Float[np.ndarray, "samples 2"]
+) -> Float[np.ndarray, "4 hidden"]:
     """Return a basis of the initial states v with C(t) Φ(t) v = 0 at every sample (2.8), as columns; none where observable.
 
     Adding any of them to an initial state leaves the linear output as it was (Theorem 1). Rank by singular values of CΦ itself, not of
@@ -103,14 +117,23 @@ def circle_gramian(radius: float, rate: float, duration: float) -> Float[np.ndar
     Raises ValueError unless radius and duration are positive and the rate [rad/s] is not zero.
     """
     if not (radius > 0 and duration > 0 and abs(rate) > 0):
-        raise ValueError(f"radius and duration must be positive and rate not zero, got {radius} m, {duration} s, {rate} rad/s")
+        raise ValueError(
+            f"radius and duration must be positive and rate not zero, got {radius} m, {duration} s, {rate} rad/s"
+        )
     turning, end = 2j * rate, np.exp(2j * rate * duration)
     E = (end - 1) / turning
     blocks = []
     for k in range(3):
         if k:
             E = (duration**k * end - k * E) / turning  # by parts
-        blocks.append(2 * radius**2 * (duration ** (k + 1) / (k + 1) * np.eye(2) + np.array([[E.real, E.imag], [E.imag, -E.real]])))
+        blocks.append(
+            2
+            * radius**2
+            * (
+                duration ** (k + 1) / (k + 1) * np.eye(2)
+                + np.array([[E.real, E.imag], [E.imag, -E.real]])
+            )
+        )
     return np.block([[blocks[0], blocks[1]], [blocks[1], blocks[2]]])
 
 
@@ -136,7 +159,10 @@ class CircleVerdict:
         """Largest deviation of each route from the closed form, relative to each entry's natural size √(Wii Wjj)."""
         size = np.sqrt(np.outer(np.diag(self.closed_form), np.diag(self.closed_form)))
         routes = ("ours", "rotating_frame", "response", "simulation")
-        return {route: float(np.max(np.abs(getattr(self, route) - self.closed_form) / size)) for route in routes}
+        return {
+            route: float(np.max(np.abs(getattr(self, route) - self.closed_form) / size))
+            for route in routes
+        }
 
 
 def validate_circle(radius: float, rate: float, turns: float) -> CircleVerdict:
@@ -205,7 +231,9 @@ def _van_loan(dynamics: np.ndarray, output: np.ndarray, duration: float) -> np.n
 def _response_gramian(dynamics: np.ndarray, output: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Gramian from the responses to unit initial states."""
     system = _control().ss(dynamics, np.zeros((len(dynamics), 1)), output, 0)
-    responses = np.array([_control().initial_response(system, time, x0).outputs for x0 in np.eye(len(dynamics))])
+    responses = np.array(
+        [_control().initial_response(system, time, x0).outputs for x0 in np.eye(len(dynamics))]
+    )
     return np.asarray(simpson(responses[:, None] * responses[None, :], x=time, axis=-1))
 
 
@@ -220,6 +248,11 @@ def _simulated_gramian(rate: float, duration: float) -> np.ndarray:
     system = _control().nlsys(rates, None, states=32, inputs=1)
     start = np.concatenate([np.eye(4).ravel(), np.zeros(16)])
     run = _control().input_output_response(
-        system, np.array([0.0, duration]), 0.0, start, solve_ivp_method="DOP853", solve_ivp_kwargs=TOLERANCES
+        system,
+        np.array([0.0, duration]),
+        0.0,
+        start,
+        solve_ivp_method="DOP853",
+        solve_ivp_kwargs=TOLERANCES,
     )
     return run.states[16:, -1].reshape(4, 4)

@@ -26,7 +26,9 @@ LOOKS = np.arange(1, 9) / 8  # parts of a stage after which it is held against t
 TINY = 1e-30  # [m^4]; a position known exactly has no logarithm
 
 Look = Callable[[Int[np.ndarray, " n"]], Float[np.ndarray, " n"]]
-Violation = Callable[[Float[np.ndarray, "*batch T 2"], Float[np.ndarray, " T"]], Float[np.ndarray, "*batch T"]]
+Violation = Callable[
+    [Float[np.ndarray, "*batch T 2"], Float[np.ndarray, " T"]], Float[np.ndarray, "*batch T"]
+]
 
 
 class Stages(NamedTuple):
@@ -69,7 +71,9 @@ def ping_stages(time: float, interval: float, horizon: float, count: int) -> Sta
     if interval <= length:
         return Stages(np.full(count, length), np.full(count, length / interval))
     first = interval - time % interval
-    first = interval if first < 1e-6 * interval else first  # rounding of a time that is itself a ping's
+    first = (
+        interval if first < 1e-6 * interval else first
+    )  # rounding of a time that is itself a ping's
     return Stages(np.concatenate([[first], np.full(count - 1, interval)]), np.ones(count))
 
 
@@ -132,30 +136,48 @@ def search_manoeuvres(
     -------
     The best sequence of the last beam; of equals the one that comes first, turning left.
     """
-    beam = _Beam(pose[None], covariance[None], np.zeros(1), np.zeros(1), np.zeros(1), np.empty((1, 0)))
+    beam = _Beam(
+        pose[None], covariance[None], np.zeros(1), np.zeros(1), np.zeros(1), np.empty((1, 0))
+    )
     weights, elapsed, total = weights / weights.sum(), 0.0, stages.duration.sum()
     for s, (duration, pings) in enumerate(zip(*stages, strict=True)):
         now = Tracks(*(part[s] for part in tracks))
         predicted = predict_covariance(beam.covariance, now, process_noise, float(duration))
         poses = arcs(beam.pose[:, None], turn_rates, speed, np.array([duration]))[..., 0, :]
         x = poses[..., None, :2] - now.position
-        known = _criterion(range_update(predicted[:, None, :, :2, :2], x, ranging, float(pings)), criterion)
+        known = _criterion(
+            range_update(predicted[:, None, :, :2, :2], x, ranging, float(pings)), criterion
+        )
         cost = beam.cost[:, None] + known @ weights * (duration / total)
-        first, worst = (np.broadcast_to(broken[:, None], cost.shape).ravel() for broken in (beam.first, beam.violation))
+        first, worst = (
+            np.broadcast_to(broken[:, None], cost.shape).ravel()
+            for broken in (beam.first, beam.violation)
+        )
         if s == 0 and first_violation is not None:
             first = np.maximum(first_violation, 0.0)
-        look = None if violation is None else partial(_broken, violation, beam.pose, turn_rates, speed, elapsed, float(duration))
+        look = (
+            None
+            if violation is None
+            else partial(_broken, violation, beam.pose, turn_rates, speed, elapsed, float(duration))
+        )
         keep, worst = _best(first, worst, cost.ravel(), beam_width, look)
         parent, turn = np.divmod(keep, len(turn_rates))
         turns = np.column_stack([beam.turns[parent], turn_rates[turn]])
         updated = range_update(predicted[parent], x[parent, turn], ranging, float(pings))
-        beam = _Beam(poses[parent, turn], updated, cost.ravel()[keep], first[keep], worst[keep], turns)
+        beam = _Beam(
+            poses[parent, turn], updated, cost.ravel()[keep], first[keep], worst[keep], turns
+        )
         elapsed += float(duration)
-    return Manoeuvre(beam.turns[0], float(beam.cost[0]), float(beam.first[0]), float(beam.violation[0]))
+    return Manoeuvre(
+        beam.turns[0], float(beam.cost[0]), float(beam.first[0]), float(beam.violation[0])
+    )
 
 
 def predict_covariance(
-    P: Float[np.ndarray, "B M 4 4"], track: Tracks, process_noise: Float[np.ndarray, "M 4"], duration: float
+    P: Float[np.ndarray, "B M 4 4"],
+    track: Tracks,
+    process_noise: Float[np.ndarray, "M 4"],
+    duration: float,
 ) -> Float[np.ndarray, "B M 4 4"]:
     """Covariances after a stage without ranges; see the module."""
     A = np.zeros((len(process_noise), 4, 4))
@@ -168,7 +190,12 @@ def predict_covariance(
     return F @ P @ F.swapaxes(-1, -2) + grown
 
 
-def range_update(P: Float[np.ndarray, "*#batch n n"], x: Float[np.ndarray, "*#batch 2"], ranging: Ranging, pings: float) -> np.ndarray:
+def range_update(
+    P: Float[np.ndarray, "*#batch n n"],
+    x: Float[np.ndarray, "*#batch 2"],
+    ranging: Ranging,
+    pings: float,
+) -> np.ndarray:
     """Covariances after ranges from relative positions x [m]; a range from on top of an AUV tells nothing.
 
     P may hold the whole state or, for what becomes of the position alone, its first two components.
@@ -183,13 +210,19 @@ def range_update(P: Float[np.ndarray, "*#batch n n"], x: Float[np.ndarray, "*#ba
         second = trace**2 + 2 * (P[..., 0, 0] ** 2 + 2 * P[..., 0, 1] ** 2 + P[..., 1, 1] ** 2)
         R = (ranging.sigma**2 / pings + second) / (4 * safe)
     else:
-        R = ranging.sigma**2 / pings + 0.75 * (trace - along) ** 2 / safe  # trace - along: the variance across
+        R = (
+            ranging.sigma**2 / pings + 0.75 * (trace - along) ** 2 / safe
+        )  # trace - along: the variance across
     gain = np.where(apart, 1.0 / (R + along), 0.0)
     return P - gain[..., None, None] * Pu[..., :, None] * Pu[..., None, :]
 
 
 def _best(
-    first: Float[np.ndarray, " n"], worst: Float[np.ndarray, " n"], cost: Float[np.ndarray, " n"], count: int, look: Look | None
+    first: Float[np.ndarray, " n"],
+    worst: Float[np.ndarray, " n"],
+    cost: Float[np.ndarray, " n"],
+    count: int,
+    look: Look | None,
 ) -> tuple[Int[np.ndarray, " count"], Float[np.ndarray, " n"]]:
     """The best sequences, and how far each breaks a limit; looked at are no more than it takes to know the best."""
     order = np.lexsort((cost, worst, first))
@@ -220,7 +253,10 @@ def _broken(
 
 
 def arcs(
-    pose: Float[np.ndarray, "*#batch 3"], turn_rates: Float[np.ndarray, "*#batch"], speed: float, times: Float[np.ndarray, " T"]
+    pose: Float[np.ndarray, "*#batch 3"],
+    turn_rates: Float[np.ndarray, "*#batch"],
+    speed: float,
+    times: Float[np.ndarray, " T"],
 ) -> Float[np.ndarray, "*batch T 3"]:
     """Poses (east, north [m], heading [rad]) after turns [rad/s] were held at a speed [m/s] for times [s]."""
     half = 0.5 * turn_rates[..., None] * times

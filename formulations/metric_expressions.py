@@ -18,7 +18,9 @@ Expression = Any  # SX, MX or DM
 Entries = tuple[Any, ...]
 
 
-def score_expression(name: str, entries: Entries, *, blend_weight: float = BLEND_WEIGHT) -> Expression:
+def score_expression(
+    name: str, entries: Entries, *, blend_weight: float = BLEND_WEIGHT
+) -> Expression:
     """Return the metric called ``name`` for a minimiser, as ``metrics.score`` does: lower is better, inf where W is singular or not finite.
 
     The rule for singular is the same. A pivot that is rounding needs no test of its own: λmin is no larger.
@@ -29,7 +31,9 @@ def score_expression(name: str, entries: Entries, *, blend_weight: float = BLEND
     if len(entries) not in (3, 6):
         raise ValueError(f"give the 3 or 6 entries of the upper triangle of W, got {len(entries)}")
     entries = tuple(ca.densify(w) for w in entries)
-    n, regular, pivots, inverse = (2, *_invert2(*entries)) if len(entries) == 3 else (3, *_invert3(*entries))
+    n, regular, pivots, inverse = (
+        (2, *_invert2(*entries)) if len(entries) == 3 else (3, *_invert3(*entries))
+    )
     largest = _largest_eigenvalue(entries)
     smallest = 1.0 / _largest_eigenvalue(inverse)
     regular = ca.logic_and(regular, smallest > n * EPS * largest)
@@ -64,7 +68,11 @@ def _invert2(w11, w12, w22) -> tuple[Any, Entries, Entries]:
     regular, d1 = _pivot(w11)
     l21 = w12 / d1
     regular2, d2 = _pivot(w22 - l21 * w12)
-    return ca.logic_and(regular, regular2), (d1, d2), (1.0 / d1 + l21 * l21 / d2, -l21 / d2, 1.0 / d2)
+    return (
+        ca.logic_and(regular, regular2),
+        (d1, d2),
+        (1.0 / d1 + l21 * l21 / d2, -l21 / d2, 1.0 / d2),
+    )
 
 
 def _invert3(w11, w12, w13, w22, w23, w33) -> tuple[Any, Entries, Entries]:

@@ -52,14 +52,20 @@ def trace_inverse(W: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*bat
         return np.where(singular, np.inf, (1.0 / eigenvalues).sum(axis=-1))
 
 
-def blend(W: Float[np.ndarray, "*batch n n"], weight: float = BLEND_WEIGHT) -> Float[np.ndarray, "*batch"]:
+def blend(
+    W: Float[np.ndarray, "*batch n n"], weight: float = BLEND_WEIGHT
+) -> Float[np.ndarray, "*batch"]:
     """Return log(condition number) + weight · log(unobservability index); inf where singular.
 
     Raises ValueError if the weight is negative.
     """
     check_blend_weight(weight)
     eigenvalues, singular = _spectrum(W)
-    return np.where(singular, np.inf, np.log(eigenvalues[..., -1]) - (1.0 + weight) * np.log(eigenvalues[..., 0]))
+    return np.where(
+        singular,
+        np.inf,
+        np.log(eigenvalues[..., -1]) - (1.0 + weight) * np.log(eigenvalues[..., 0]),
+    )
 
 
 class Metric(NamedTuple):
@@ -81,7 +87,9 @@ METRICS = MappingProxyType(
 )
 
 
-def score(name: str, W: Float[np.ndarray, "*batch n n"], *, blend_weight: float = BLEND_WEIGHT) -> Float[np.ndarray, "*batch"]:
+def score(
+    name: str, W: Float[np.ndarray, "*batch n n"], *, blend_weight: float = BLEND_WEIGHT
+) -> Float[np.ndarray, "*batch"]:
     """Return the metric called ``name`` for a minimiser: lower is better, and inf where W is singular, whatever the metric.
 
     Metrics of which more is better (smallest eigenvalue, log det) change sign. Raises ValueError for an unknown name.
@@ -114,7 +122,9 @@ def unobservable_direction(W: Float[np.ndarray, "n n"], names: Sequence[str]) ->
     Raises ValueError if W is not finite, or if there is not exactly one name per state.
     """
     if len(names) != len(W):
-        raise ValueError(f"give one name per state: W has {len(W)} states, got {len(names)} names {list(names)}")
+        raise ValueError(
+            f"give one name per state: W has {len(W)} states, got {len(names)} names {list(names)}"
+        )
     if not np.isfinite(W).all():
         raise ValueError(f"W must be finite to name a direction, got {W.tolist()}")
     weakest = np.linalg.eigh(W)[1][:, 0]
@@ -122,7 +132,9 @@ def unobservable_direction(W: Float[np.ndarray, "n n"], names: Sequence[str]) ->
     return dict(zip(names, weakest.tolist(), strict=True))
 
 
-def position_schur_complement(W: Float[np.ndarray, "*batch n n"], keep: int = 2) -> Float[np.ndarray, "*batch keep keep"]:
+def position_schur_complement(
+    W: Float[np.ndarray, "*batch n n"], keep: int = 2
+) -> Float[np.ndarray, "*batch keep keep"]:
     r"""Return the Gramian of the first ``keep`` states with the others as unknown nuisance.
 
     .. math:: W = \begin{bmatrix} A & B \\ B^\top & D \end{bmatrix}, \quad S = A - B D^{+} B^\top
@@ -139,14 +151,22 @@ def position_schur_complement(W: Float[np.ndarray, "*batch n n"], keep: int = 2)
     A, B, D = W[..., :keep, :keep], W[..., :keep, keep:], W[..., keep:, keep:]
     scale = np.sqrt(np.maximum(np.diagonal(D, axis1=-2, axis2=-1), 0.0))
     inverse_scale = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
-    eigenvalues, vectors = np.linalg.eigh(D * inverse_scale[..., :, None] * inverse_scale[..., None, :])
-    coupling = (B * inverse_scale[..., None, :]) @ vectors / np.sqrt(np.maximum(eigenvalues, n * EPS))[..., None, :]
+    eigenvalues, vectors = np.linalg.eigh(
+        D * inverse_scale[..., :, None] * inverse_scale[..., None, :]
+    )
+    coupling = (
+        (B * inverse_scale[..., None, :])
+        @ vectors
+        / np.sqrt(np.maximum(eigenvalues, n * EPS))[..., None, :]
+    )
     kept, axes = np.linalg.eigh(A - coupling @ np.swapaxes(coupling, -1, -2))
     kept = np.where(kept > n * EPS * np.linalg.eigvalsh(A)[..., -1:], kept, 0.0)
     return (axes * kept[..., None, :]) @ np.swapaxes(axes, -1, -2)
 
 
-def _spectrum(W: Float[np.ndarray, "*batch n n"]) -> tuple[Float[np.ndarray, "*batch n"], Bool[np.ndarray, "*batch"]]:
+def _spectrum(
+    W: Float[np.ndarray, "*batch n n"],
+) -> tuple[Float[np.ndarray, "*batch n"], Bool[np.ndarray, "*batch"]]:
     """Return the ascending eigenvalues (ones where singular) and where W is singular."""
     eigenvalues = np.linalg.eigvalsh(_finite_or_zero(W))
     regular = eigenvalues[..., 0] > W.shape[-1] * EPS * eigenvalues[..., -1]

@@ -20,7 +20,12 @@ Expression = Any  # CasADi SX, MX or DM, or a number
 
 
 def ping_moments(
-    speed: float, turn_rates: Float[np.ndarray, " K"], *, first: Expression, interval: float, count: int
+    speed: float,
+    turn_rates: Float[np.ndarray, " K"],
+    *,
+    first: Expression,
+    interval: float,
+    count: int,
 ) -> DisplacementMoments:
     """Moments at ``count`` pings, the first one ``first`` [s] from now and the others ``interval`` [s] apart, as columns over candidates.
 
@@ -30,27 +35,49 @@ def ping_moments(
         raise ValueError(f"time between pings must be finite and positive [s], got {interval}")
     if count < 1:
         raise ValueError(f"number of pings must be at least 1, got {count}")
-    one, m1, m2, m11, m12, m22 = (_shifted(sums, first) for sums in _sums_from_a_ping(speed, turn_rates, interval, count))
+    one, m1, m2, m11, m12, m22 = (
+        _shifted(sums, first) for sums in _sums_from_a_ping(speed, turn_rates, interval, count)
+    )
     a1, a2, c, s = _first_arc(speed, turn_rates, first)
-    b1, b2 = ([c * x - s * y for x, y in zip(m1, m2, strict=True)], [s * x + c * y for x, y in zip(m1, m2, strict=True)])
+    b1, b2 = (
+        [c * x - s * y for x, y in zip(m1, m2, strict=True)],
+        [s * x + c * y for x, y in zip(m1, m2, strict=True)],
+    )
     return DisplacementMoments(
         one=one,
         d1=[a1 * n + x for n, x in zip(one, b1, strict=True)],
         d2=[a2 * n + y for n, y in zip(one, b2, strict=True)],
-        d11=[a1 * a1 * one[j] + 2 * a1 * b1[j] + c * c * m11[j] - 2 * c * s * m12[j] + s * s * m22[j] for j in range(3)],
-        d12=[a1 * a2 * one[j] + a1 * b2[j] + a2 * b1[j] + c * s * (m11[j] - m22[j]) + (c * c - s * s) * m12[j] for j in range(3)],
-        d22=[a2 * a2 * one[j] + 2 * a2 * b2[j] + s * s * m11[j] + 2 * c * s * m12[j] + c * c * m22[j] for j in range(3)],
+        d11=[
+            a1 * a1 * one[j] + 2 * a1 * b1[j] + c * c * m11[j] - 2 * c * s * m12[j] + s * s * m22[j]
+            for j in range(3)
+        ],
+        d12=[
+            a1 * a2 * one[j]
+            + a1 * b2[j]
+            + a2 * b1[j]
+            + c * s * (m11[j] - m22[j])
+            + (c * c - s * s) * m12[j]
+            for j in range(3)
+        ],
+        d22=[
+            a2 * a2 * one[j] + 2 * a2 * b2[j] + s * s * m11[j] + 2 * c * s * m12[j] + c * c * m22[j]
+            for j in range(3)
+        ],
     )
 
 
-def _sums_from_a_ping(speed: float, turn_rates: Float[np.ndarray, " K"], interval: float, count: int) -> Float[np.ndarray, "6 3 K"]:
+def _sums_from_a_ping(
+    speed: float, turn_rates: Float[np.ndarray, " K"], interval: float, count: int
+) -> Float[np.ndarray, "6 3 K"]:
     """Moments of an arc that begins at a ping."""
     time = interval * np.arange(count)[:, None]
     half = 0.5 * turn_rates * time
     chord = speed * time * np.sinc(half / np.pi)
     d1, d2 = chord * np.cos(half), chord * np.sin(half)
     powers = interval * np.stack([time**0, time, time**2])
-    return np.stack([np.sum(powers * d, axis=1) for d in (np.ones_like(d1), d1, d2, d1 * d1, d1 * d2, d2 * d2)])
+    return np.stack(
+        [np.sum(powers * d, axis=1) for d in (np.ones_like(d1), d1, d2, d1 * d1, d1 * d2, d2 * d2)]
+    )
 
 
 def _shifted(sums: Float[np.ndarray, "3 K"], first: Expression) -> list[Expression]:
@@ -59,9 +86,13 @@ def _shifted(sums: Float[np.ndarray, "3 K"], first: Expression) -> list[Expressi
     return [sum(comb(j, i) * first ** (j - i) * columns[i] for i in range(j + 1)) for j in range(3)]
 
 
-def _first_arc(speed: float, turn_rates: Float[np.ndarray, " K"], first: Expression) -> tuple[Expression, ...]:
+def _first_arc(
+    speed: float, turn_rates: Float[np.ndarray, " K"], first: Expression
+) -> tuple[Expression, ...]:
     """Displacement until the first ping, and cosine and sine of the turn by then, as columns."""
     u, straight = ca.DM(turn_rates), ca.DM(np.where(turn_rates == 0, 1.0, 0.0))
     half = 0.5 * u * first
-    chord = speed * (straight * first + 2 * ca.sin(half) / (u + straight))  # sin is 0 where it is straight
+    chord = speed * (
+        straight * first + 2 * ca.sin(half) / (u + straight)
+    )  # sin is 0 where it is straight
     return chord * ca.cos(half), chord * ca.sin(half), ca.cos(2 * half), ca.sin(2 * half)

@@ -48,7 +48,9 @@ class DisplacementMoments(NamedTuple):
     d22: Moments
 
 
-def displacement_moments(speed: float, turn_rates: Float[np.ndarray, " K"], horizon: float) -> DisplacementMoments:
+def displacement_moments(
+    speed: float, turn_rates: Float[np.ndarray, " K"], horizon: float
+) -> DisplacementMoments:
     r"""Integrate the displacement of exact arcs, Δ = V (sin ut, 1 - cos ut) / u, over the horizon.
 
     With z = uT and s = t/T, Δ = VT (sin zs, 1 - cos zs) / z, whose powers are sums of sin and cos of zs and 2zs: closed form by
@@ -64,10 +66,19 @@ def displacement_moments(speed: float, turn_rates: Float[np.ndarray, " K"], hori
         raise ValueError(f"turn rates must be finite [rad/s], got {turn_rates.tolist()}")
     z = turn_rates * horizon
     short = np.abs(z) < SERIES_LIMIT
-    unit = np.where(short, _moments_by_series(np.where(short, z, 0.0)), _moments_by_parts(np.where(short, SERIES_LIMIT, z)))
+    unit = np.where(
+        short,
+        _moments_by_series(np.where(short, z, 0.0)),
+        _moments_by_parts(np.where(short, SERIES_LIMIT, z)),
+    )
     reach = speed * horizon
-    scale = np.array([reach, reach, reach**2, reach**2, reach**2])[:, None, None] * horizon ** np.arange(1.0, 4.0)[:, None]
-    one = np.repeat(horizon ** np.arange(1.0, 4.0)[:, None] / np.arange(1.0, 4.0)[:, None], len(z), axis=1)
+    scale = (
+        np.array([reach, reach, reach**2, reach**2, reach**2])[:, None, None]
+        * horizon ** np.arange(1.0, 4.0)[:, None]
+    )
+    one = np.repeat(
+        horizon ** np.arange(1.0, 4.0)[:, None] / np.arange(1.0, 4.0)[:, None], len(z), axis=1
+    )
     return DisplacementMoments(one, *(unit * scale))
 
 
@@ -104,7 +115,9 @@ def _series_coefficients() -> Float[np.ndarray, "5 3 N"]:
             np.where(even & (n >= 2), -sign, 0.0),  # 1 - cos θ
             np.where(even & (n >= 2), -sign * doubled, 0.0),  # sin² θ = (1 - cos 2θ) / 2
             np.where(even, 0.0, sign * (1.0 - doubled)),  # sin θ (1 - cos θ) = sin θ - sin 2θ / 2
-            np.where(even & (n >= 4), sign * (doubled - 2.0), 0.0),  # (1 - cos θ)² = 3/2 - 2 cos θ + cos 2θ / 2
+            np.where(
+                even & (n >= 4), sign * (doubled - 2.0), 0.0
+            ),  # (1 - cos θ)² = 3/2 - 2 cos θ + cos 2θ / 2
         ]
     )
     factorial = np.cumprod(np.maximum(n, 1), dtype=float)
@@ -126,9 +139,17 @@ def gramian_entries(
     Raises ValueError for another variant, or a variance that is not positive.
     """
     _check_model(variant, variances)
-    one, d1, d2, d11, d12, d22 = ([m[:, None] if isinstance(m, np.ndarray) else m for m in moment] for moment in moments)
+    one, d1, d2, d11, d12, d22 = (
+        [m[:, None] if isinstance(m, np.ndarray) else m for m in moment] for moment in moments
+    )
     x1, x2 = x
-    first, second, q11, q12, q22 = [x1], [x2], [x1 * x1], [x1 * x2], [x2 * x2]  # coefficients of t^0 of x - vt and its products
+    first, second, q11, q12, q22 = (
+        [x1],
+        [x2],
+        [x1 * x1],
+        [x1 * x2],
+        [x2 * x2],
+    )  # coefficients of t^0 of x - vt and its products
     if v is not None:
         v1, v2 = v
         first, second = [x1, -v1], [x2, -v2]
@@ -150,14 +171,18 @@ def gramian_entries(
 
 def _dot(moments: list[Array], coefficients: list[Array]) -> Array:
     """Sum moment k, a column over candidates, times coefficient k, a row over AUVs."""
-    return sum(m @ c for m, c in zip(moments, coefficients, strict=False))  # fewer coefficients: an AUV at rest
+    return sum(
+        m @ c for m, c in zip(moments, coefficients, strict=False)
+    )  # fewer coefficients: an AUV at rest
 
 
 def _check_model(variant: str, variances: tuple[float, float]) -> None:
     if variant not in VARIANTS:
         raise ValueError(f"variant {variant!r} is not known; choose one of {', '.join(VARIANTS)}")
     if not all(0.0 < variance < np.inf for variance in variances):
-        raise ValueError(f"variances of heading and squared range must be finite and positive, got {variances}")
+        raise ValueError(
+            f"variances of heading and squared range must be finite and positive, got {variances}"
+        )
 
 
 def range_gramians(
@@ -189,9 +214,20 @@ def range_gramians(
     body = _to_body(np.cos(heading), np.sin(heading))
     moments = displacement_moments(speed, turn_rates, horizon)
     v = None if velocities is None else body(velocities.T[:1], velocities.T[1:])
-    w11, w12, w13, w22, w23, w33 = gramian_entries(moments, body(positions.T[:1], positions.T[1:]), v, variant=variant, variances=variances)
-    W = np.stack([np.stack(row, axis=-1) for row in ((w11, w12, w13), (w12, w22, w23), (w13, w23, w33))], axis=-2)
-    turn = np.array([[np.cos(heading), -np.sin(heading), 0.0], [np.sin(heading), np.cos(heading), 0.0], [0.0, 0.0, 1.0]])
+    w11, w12, w13, w22, w23, w33 = gramian_entries(
+        moments, body(positions.T[:1], positions.T[1:]), v, variant=variant, variances=variances
+    )
+    W = np.stack(
+        [np.stack(row, axis=-1) for row in ((w11, w12, w13), (w12, w22, w23), (w13, w23, w33))],
+        axis=-2,
+    )
+    turn = np.array(
+        [
+            [np.cos(heading), -np.sin(heading), 0.0],
+            [np.sin(heading), np.cos(heading), 0.0],
+            [0.0, 0.0, 1.0],
+        ]
+    )
     W = turn @ W @ turn.T
     return 0.5 * (W + np.swapaxes(W, -1, -2))
 
@@ -233,7 +269,11 @@ def range_gramian_function(n_auvs: int, *, moving: bool = False, **options) -> c
     Options are those of ``range_score_expression``. Read it through ``buffer()``; matrices are stored by columns.
     """
     # MX: each of some 250 operations runs over the whole K x M matrix, two to four times as fast as SX scalar by scalar
-    pose, positions, velocities = ca.MX.sym("pose", 3), ca.MX.sym("positions", n_auvs, 2), ca.MX.sym("velocities", n_auvs, 2)
+    pose, positions, velocities = (
+        ca.MX.sym("pose", 3),
+        ca.MX.sym("positions", n_auvs, 2),
+        ca.MX.sym("velocities", n_auvs, 2),
+    )
     scores = range_score_expression(pose, positions, velocities if moving else None, **options)
     inputs = {"pose": pose, "positions": positions} | ({"velocities": velocities} if moving else {})
     return ca.Function("range_gramian", [*inputs.values()], [ca.cse(scores)], [*inputs], ["scores"])

@@ -77,4 +77,11 @@ class Solution:
         """Return what stands for a solution where there is none: nan throughout, and why."""
         nothing = float("nan")
         unknown = np.full(n, nothing)
-        return cls(x=unknown, objective=nothing, primal_residual=nothing, dual_residual=nothing, duality_gap=nothing, status=status)
+        return cls(
+            x=unknown,
+            objective=nothing,
+            primal_residual=nothing,
+            dual_residual=nothing,
+            duality_gap=nothing,
+            status=status,
+        )

@@ -21,15 +21,33 @@ app = typer.Typer(
 
 INTERRUPTED = 130  # exit code of a program that Ctrl-C ended
 
-ScenarioName = Annotated[str, typer.Argument(metavar="SCENARIO", help="A scenario file, or the name of a shipped one.")]
-PlannerName = Annotated[str | None, typer.Option("--planner", help="Replace the scenario's planner.")]
-Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Of all random numbers; default: the scenario's.")]
-Settings = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change one key; may be repeated.")]
-Out = Annotated[Path | None, typer.Option("--out", help="Folder to make; default: ./NAME, then ./NAME-2, ...")]
+ScenarioName = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="A scenario file, or the name of a shipped one.")
+]
+PlannerName = Annotated[
+    str | None, typer.Option("--planner", help="Replace the scenario's planner.")
+]
+Seed = Annotated[
+    int | None,
+    typer.Option("--seed", min=0, help="Of all random numbers; default: the scenario's."),
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change one key; may be repeated."),
+]
+Out = Annotated[
+    Path | None, typer.Option("--out", help="Folder to make; default: ./NAME, then ./NAME-2, ...")
+]
 
 
 @app.command()
-def run(scenario: ScenarioName, planner: PlannerName = None, seed: Seed = None, settings: Settings = None, out: Out = None) -> None:
+def run(
+    scenario: ScenarioName,
+    planner: PlannerName = None,
+    seed: Seed = None,
+    settings: Settings = None,
+    out: Out = None,
+) -> None:
     """Simulate a survey: plan the aid vehicle's path, estimate, report, write files a vehicle can load."""
     from obsplan.report import free_folder, planner_notes, run_table, verdicts, write_run
     from obsplan.scenario import load
@@ -51,8 +69,13 @@ def run(scenario: ScenarioName, planner: PlannerName = None, seed: Seed = None, 
 @app.command()
 def compare(
     scenario: ScenarioName,
-    planners: Annotated[str | None, typer.Option("--planners", metavar="A,B,...", help="Default: all that are quick.")] = None,
-    runs: Annotated[int, typer.Option("--runs", min=1, help="Seeds per planner; the same for each of them.")] = 1,
+    planners: Annotated[
+        str | None,
+        typer.Option("--planners", metavar="A,B,...", help="Default: all that are quick."),
+    ] = None,
+    runs: Annotated[
+        int, typer.Option("--runs", min=1, help="Seeds per planner; the same for each of them.")
+    ] = 1,
     seed: Seed = None,
     settings: Settings = None,
     out: Out = None,
@@ -67,7 +90,9 @@ def compare(
     if scenario == "suite":
         compare_suite(names, runs, seed, settings or [], out or Path("suite"))
         return
-    loaded = {name: load(scenario, planner=name, settings=settings or ()) for name in dict.fromkeys(names)}
+    loaded = {
+        name: load(scenario, planner=name, settings=settings or ()) for name in dict.fromkeys(names)
+    }
     table = next(iter(loaded.values())).table
     folder = free_folder(out, f"{table.name}-compare")
     first = table.seed if seed is None else seed
@@ -75,14 +100,18 @@ def compare(
     with progress_bar(f"{table.name}, {len(loaded)} planners") as advance:
         for name, one in loaded.items():
             for number in range(first, first + runs):
-                rows.append({"planner": name, "seed": number, **simulate(one, seed=number).summary()["all"]})
+                rows.append(
+                    {"planner": name, "seed": number, **simulate(one, seed=number).summary()["all"]}
+                )
                 advance(len(rows), runs * len(loaded))
     write_comparison(rows, folder, title=f"{table.name}, {runs} runs each")
     show(compare_table(rows))
     say(f"Written to {folder}{'' if folder.is_absolute() else '/'}: compare.csv, compare.png.")
 
 
-def compare_suite(planners: list[str], runs: int, seed: int | None, settings: list[str], out: Path) -> None:
+def compare_suite(
+    planners: list[str], runs: int, seed: int | None, settings: list[str], out: Path
+) -> None:
     """Fly a campaign of planners over the suite, and say who wins where; the folder is resumed if it is there."""
     import numpy as np
 
@@ -95,15 +124,25 @@ def compare_suite(planners: list[str], runs: int, seed: int | None, settings: li
     failed = fly(cells, out)
     table = missions_of(cells, load_campaign(out), out)
     settings = [*settings, *([] if seed is None else [f"seed={seed}"])]
-    bounds = {name.removeprefix("suite/"): least_error(load(name, planner="circle", settings=settings)) for name in suite()}
+    bounds = {
+        name.removeprefix("suite/"): least_error(load(name, planner="circle", settings=settings))
+        for name in suite()
+    }
     brief = [*settings, "duration=60.0"]
-    times = {p: float(np.median([decision_time(load(name, planner=p, settings=brief)) for name in suite()])) for p in planners}
+    times = {
+        p: float(
+            np.median([decision_time(load(name, planner=p, settings=brief)) for name in suite()])
+        )
+        for p in planners
+    }
     result = read_suite(table, bounds, times)
     files = write_suite(result, out)
     show(suite_table(result))
     show(scenario_table(result))
     if runs < FEWEST:
-        say(f"With fewer than {FEWEST} seeds (--runs) no difference can be told from chance: all planners count as equal.")
+        say(
+            f"With fewer than {FEWEST} seeds (--runs) no difference can be told from chance: all planners count as equal."
+        )
     say(f"Written to {out}{'' if out.is_absolute() else '/'}: {', '.join(files)}, campaign.csv.")
     if failed:
         raise typer.Exit(3)
@@ -111,46 +150,90 @@ def compare_suite(planners: list[str], runs: int, seed: int | None, settings: li
 
 @app.command()
 def campaign(
-    scenarios: Annotated[list[str], typer.Argument(metavar="SCENARIO...", help="Scenario files, or names of shipped ones.")],
-    out: Annotated[Path, typer.Option("--out", help="Folder of the results; one that has a campaign is resumed.")],
-    planners: Annotated[str | None, typer.Option("--planners", metavar="A,B,...", help="Default: each scenario's own.")] = None,
-    runs: Annotated[int, typer.Option("--runs", min=1, help="Seeds per combination; the same for each planner and setting.")] = 1,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="The first of them; default: the scenario's.")] = None,
-    vary: Annotated[list[str] | None, typer.Option("--vary", metavar="KEY=A,B,...", help="Values of one key; may be repeated.")] = None,
-    workers: Annotated[int | None, typer.Option("--workers", min=1, help="Local processes; default: one per core.")] = None,
-    scheduler: Annotated[str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Of a Dask cluster to fly on.")] = None,
+    scenarios: Annotated[
+        list[str],
+        typer.Argument(metavar="SCENARIO...", help="Scenario files, or names of shipped ones."),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option("--out", help="Folder of the results; one that has a campaign is resumed."),
+    ],
+    planners: Annotated[
+        str | None,
+        typer.Option("--planners", metavar="A,B,...", help="Default: each scenario's own."),
+    ] = None,
+    runs: Annotated[
+        int,
+        typer.Option(
+            "--runs", min=1, help="Seeds per combination; the same for each planner and setting."
+        ),
+    ] = 1,
+    seed: Annotated[
+        int | None,
+        typer.Option("--seed", min=0, help="The first of them; default: the scenario's."),
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option("--vary", metavar="KEY=A,B,...", help="Values of one key; may be repeated."),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, help="Local processes; default: one per core.")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="ADDRESS", help="Of a Dask cluster to fly on."),
+    ] = None,
 ) -> None:
     """Fly scenarios x planners x seeds x settings into one table; what was flown is never lost, and never flown again."""
     from obsplan.campaign import plan_cells
 
     cells = plan_cells(scenarios, planners=named(planners), vary=vary or (), runs=runs, seed=seed)
     failed = fly(cells, out, workers=workers, scheduler=scheduler)
-    say(f"Written to {out}{'' if out.is_absolute() else '/'}: campaign.parquet, campaign.csv. Next: obsplan campaign-report {out}")
+    say(
+        f"Written to {out}{'' if out.is_absolute() else '/'}: campaign.parquet, campaign.csv. Next: obsplan campaign-report {out}"
+    )
     if failed:
         raise typer.Exit(3)
 
 
-def fly(cells: tuple["Cell", ...], out: Path, *, workers: int | None = None, scheduler: str | None = None) -> int:
+def fly(
+    cells: tuple["Cell", ...],
+    out: Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> int:
     """Fly a campaign and say what became of it; returns how many missions failed."""
     from obsplan.campaign import fly_campaign
 
     try:
         with campaign_bar(f"{len(cells)} combinations") as progress:
-            report = fly_campaign(cells, out, workers=workers, scheduler=scheduler, progress=progress)
+            report = fly_campaign(
+                cells, out, workers=workers, scheduler=scheduler, progress=progress
+            )
     except KeyboardInterrupt:
-        typer.echo(f"obsplan: interrupted; what was flown is kept in {out}, and the same command goes on from there", err=True)
+        typer.echo(
+            f"obsplan: interrupted; what was flown is kept in {out}, and the same command goes on from there",
+            err=True,
+        )
         sys.exit(INTERRUPTED)  # not by way of `main`, which says that nothing was written
-    say(f"{report.missions} missions: {report.flown} flown now, {report.missions - report.flown} were there, {report.failed} failed.")
+    say(
+        f"{report.missions} missions: {report.flown} flown now, {report.missions - report.flown} were there, {report.failed} failed."
+    )
     for cell, number, reason in report.failures:
         typer.echo(f"obsplan: {cell.label}, seed {number}: {reason}", err=True)
     if report.failed > len(report.failures):
-        typer.echo(f"obsplan: and {report.failed - len(report.failures)} more; see campaign.csv", err=True)
+        typer.echo(
+            f"obsplan: and {report.failed - len(report.failures)} more; see campaign.csv", err=True
+        )
     return report.failed
 
 
 @app.command()
 def campaign_report(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a campaign, finished or not.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder of a campaign, finished or not.")
+    ],
 ) -> None:
     """Read a campaign: medians with intervals, planners compared under the same noise, errors against what was varied."""
     from obsplan.report import campaign_table, write_campaign_report
@@ -165,8 +248,20 @@ def campaign_report(
 
 @app.command()
 def thesis(
-    items: Annotated[list[str], typer.Argument(metavar="ITEM...", help="fig5.1 ... table5.2, figB.1 ..., study-horizon ..., or all.")],
-    runs: Annotated[int, typer.Option("--runs", min=2, help="Seeds of tables; studies take a fifth, figures at most fifty starts.")] = 100,
+    items: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="ITEM...", help="fig5.1 ... table5.2, figB.1 ..., study-horizon ..., or all."
+        ),
+    ],
+    runs: Annotated[
+        int,
+        typer.Option(
+            "--runs",
+            min=2,
+            help="Seeds of tables; studies take a fifth, figures at most fifty starts.",
+        ),
+    ] = 100,
     seed: Annotated[int, typer.Option("--seed", min=0, help="The first of them.")] = 1,
     out: Out = None,
 ) -> None:
@@ -179,13 +274,22 @@ def thesis(
         findings = write_thesis(items, folder, runs=runs, seed=seed, progress=advance)
     for name, finding in findings.items():
         say(f"{name}, {ITEMS[name].verdict(finding)}: {finding.sentence}")
-    say(f"Written to {folder}{'' if folder.is_absolute() else '/'}: thesis.md, and a picture and the data of each item.")
+    say(
+        f"Written to {folder}{'' if folder.is_absolute() else '/'}: thesis.md, and a picture and the data of each item."
+    )
 
 
 @app.command()
 def new(
-    mission_file: Annotated[Path, typer.Argument(metavar="MISSION_FILE", help="GeoJSON, QGroundControl .plan or CSV.")],
-    out: Annotated[Path | None, typer.Option("--out", help="Scenario file to write; default: the mission file's name with .toml.")] = None,
+    mission_file: Annotated[
+        Path, typer.Argument(metavar="MISSION_FILE", help="GeoJSON, QGroundControl .plan or CSV.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", help="Scenario file to write; default: the mission file's name with .toml."
+        ),
+    ] = None,
 ) -> None:
     """Write a commented scenario around your own survey, ready to run."""
     from obsplan.files import write_atomically
@@ -215,11 +319,15 @@ def scenarios() -> None:
     for name in shipped():
         loaded = load(name)
         auvs, minutes = len(loaded.table.auv), loaded.time[-1] / 60
-        say(f"{name:20} {auvs} AUV{'s' if auvs > 1 else ' '}  {minutes:6.1f} min  {loaded.table.description}")
+        say(
+            f"{name:20} {auvs} AUV{'s' if auvs > 1 else ' '}  {minutes:6.1f} min  {loaded.table.description}"
+        )
 
 
 @app.command()
-def schema(json: Annotated[bool, typer.Option("--json", help="As JSON Schema, for editors.")] = False) -> None:
+def schema(
+    json: Annotated[bool, typer.Option("--json", help="As JSON Schema, for editors.")] = False,
+) -> None:
     """List every key a scenario file may have, with its type, default, unit and meaning."""
     from obsplan.scenario.schema import json_schema, sections
 
@@ -231,7 +339,9 @@ def schema(json: Annotated[bool, typer.Option("--json", help="As JSON Schema, fo
     for path, rows in sections():
         say(f"\n[{path}]" if path else "Top of the file")
         for key, kind, default, description in rows:
-            say(f"  {key:18} {kind}{f', default {default}' if default not in ('', 'required') else ', required' if default else ''}")
+            say(
+                f"  {key:18} {kind}{f', default {default}' if default not in ('', 'required') else ', required' if default else ''}"
+            )
             say(f"  {'':18} {description}")
 
 
@@ -245,7 +355,9 @@ def progress_bar(title: str) -> Iterator[Any]:
     bar = Progress(console=console, transient=True, disable=not console.is_terminal)
     with bar:
         task = bar.add_task(title, total=None)
-        yield lambda done, total, now=title: bar.update(task, completed=done, total=total, description=now)
+        yield lambda done, total, now=title: bar.update(
+            task, completed=done, total=total, description=now
+        )
 
 
 @contextmanager
@@ -256,7 +368,10 @@ def campaign_bar(title: str) -> Iterator[Any]:
     began = monotonic()
     with progress_bar(title) as advance:
         yield lambda done, total, failed: advance(
-            done, total, f"{title}, {done / (monotonic() - began):.1f} missions/s" + (f", [red]{failed} failed[/red]" if failed else "")
+            done,
+            total,
+            f"{title}, {done / (monotonic() - began):.1f} missions/s"
+            + (f", [red]{failed} failed[/red]" if failed else ""),
         )
 
 

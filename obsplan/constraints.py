@@ -27,9 +27,13 @@ class Disc:
 
     def __post_init__(self) -> None:
         if not (np.isfinite([self.x, self.y]).all() and 0 < self.radius < np.inf):
-            raise ValueError(f"a disc needs a finite centre and a positive radius [m], got ({self.x}, {self.y}) and {self.radius}")
+            raise ValueError(
+                f"a disc needs a finite centre and a positive radius [m], got ({self.x}, {self.y}) and {self.radius}"
+            )
 
-    def signed_distance(self, positions: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch"]:
+    def signed_distance(
+        self, positions: Float[np.ndarray, "*batch 2"]
+    ) -> Float[np.ndarray, "*batch"]:
         """Distance [m] to the edge, negative inside."""
         return np.hypot(positions[..., 0] - self.x, positions[..., 1] - self.y) - self.radius
 
@@ -50,7 +54,9 @@ class Polygon:
         if len(self.points) < 3:
             raise ValueError(f"a polygon needs at least three corners, got {len(self.points)}")
         if not (np.isfinite(self.points).all() and self._shape.is_valid and self._shape.area > 0):
-            raise ValueError(f"the line of a polygon must be finite, enclose an area and not cross itself, got {list(self.points)}")
+            raise ValueError(
+                f"the line of a polygon must be finite, enclose an area and not cross itself, got {list(self.points)}"
+            )
 
     @cached_property
     def _shape(self) -> Any:
@@ -60,12 +66,16 @@ class Polygon:
         shapely.prepare(shape)
         return shape
 
-    def signed_distance(self, positions: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch"]:
+    def signed_distance(
+        self, positions: Float[np.ndarray, "*batch 2"]
+    ) -> Float[np.ndarray, "*batch"]:
         """Distance [m] to the edge, negative inside."""
         import shapely
 
         edge = shapely.distance(self._shape.exterior, shapely.points(positions))
-        return np.where(shapely.contains_xy(self._shape, positions[..., 0], positions[..., 1]), -edge, edge)
+        return np.where(
+            shapely.contains_xy(self._shape, positions[..., 0], positions[..., 1]), -edge, edge
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,32 +95,54 @@ class Constraints:
 
     def __post_init__(self) -> None:
         if not 0 <= self.min_separation < self.max_separation:
-            raise ValueError(f"separations must be 0 <= least < greatest [m], got {self.min_separation} and {self.max_separation}")
+            raise ValueError(
+                f"separations must be 0 <= least < greatest [m], got {self.min_separation} and {self.max_separation}"
+            )
 
     def __bool__(self) -> bool:
         """Whether anything is limited."""
         return self != UNLIMITED
 
-    def fixed_violation(self, positions: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch"]:
+    def fixed_violation(
+        self, positions: Float[np.ndarray, "*batch 2"]
+    ) -> Float[np.ndarray, "*batch"]:
         """How far [m] positions are inside a keep-out or outside the geofence; at most 0 where they are right, -inf without either."""
         worst = np.full(positions.shape[:-1], -np.inf)
         for area in self.keep_out:
             worst = np.maximum(worst, -area.signed_distance(positions))
-        return worst if self.geofence is None else np.maximum(worst, self.geofence.signed_distance(positions))
+        return (
+            worst
+            if self.geofence is None
+            else np.maximum(worst, self.geofence.signed_distance(positions))
+        )
 
     def separation_violation(
-        self, positions: Float[np.ndarray, "*batch 2"], auvs: Float[np.ndarray, "*#batch M 2"], room: Float[np.ndarray, " M"] | float = 0.0
+        self,
+        positions: Float[np.ndarray, "*batch 2"],
+        auvs: Float[np.ndarray, "*#batch M 2"],
+        room: Float[np.ndarray, " M"] | float = 0.0,
     ) -> Float[np.ndarray, "*batch"]:
         """How far [m] positions are from a permitted distance to every AUV, with room [m] to spare for each; at most 0 if right."""
         distance = np.linalg.norm(positions[..., None, :] - auvs, axis=-1)
-        near = self.min_separation - distance if self.min_separation > 0 else np.full_like(distance, -np.inf)
-        return np.max(np.maximum(near, distance - self.max_separation) + room, axis=-1, initial=-np.inf)
+        near = (
+            self.min_separation - distance
+            if self.min_separation > 0
+            else np.full_like(distance, -np.inf)
+        )
+        return np.max(
+            np.maximum(near, distance - self.max_separation) + room, axis=-1, initial=-np.inf
+        )
 
     def violation(
-        self, positions: Float[np.ndarray, "*batch 2"], auvs: Float[np.ndarray, "*#batch M 2"], room: Float[np.ndarray, " M"] | float = 0.0
+        self,
+        positions: Float[np.ndarray, "*batch 2"],
+        auvs: Float[np.ndarray, "*#batch M 2"],
+        room: Float[np.ndarray, " M"] | float = 0.0,
     ) -> Float[np.ndarray, "*batch"]:
         """The worse of both [m]; it changes by no more than the vehicles move."""
-        return np.maximum(self.fixed_violation(positions), self.separation_violation(positions, auvs, room))
+        return np.maximum(
+            self.fixed_violation(positions), self.separation_violation(positions, auvs, room)
+        )
 
 
 UNLIMITED = Constraints()
@@ -157,10 +189,14 @@ def first_move_violation(
     strides = 0.5 * np.max(np.linalg.norm(np.diff(known, axis=0), axis=-1), axis=-1, initial=0.0)
     apart = np.max(constraints.separation_violation(positions, known[1:], room) + strides, axis=-1)
     worst = np.maximum(fixed, apart) + half_step
-    return np.where(fixed + half_step > 0, worst + max(0.0, float(np.max(apart)) + half_step), worst)
+    return np.where(
+        fixed + half_step > 0, worst + max(0.0, float(np.max(apart)) + half_step), worst
+    )
 
 
-def loiter_violation(constraints: Constraints, poses: Float[np.ndarray, "*batch 3"], radius: float) -> Float[np.ndarray, "*batch 2"]:
+def loiter_violation(
+    constraints: Constraints, poses: Float[np.ndarray, "*batch 3"], radius: float
+) -> Float[np.ndarray, "*batch 2"]:
     """How far [m] the smallest circles to the left and the right of poses, with what they enclose, are outside the fixed limits."""
     left = radius * np.stack([-np.sin(poses[..., 2]), np.cos(poses[..., 2])], axis=-1)
     centers = poses[..., None, :2] + np.array([[1.0], [-1.0]]) * left[..., None, :]

@@ -23,7 +23,9 @@ def write_atomically(path: Path | str, content: str | bytes) -> None:
         part.write_bytes(content.encode() if isinstance(content, str) else content)
         part.replace(path)
     except OSError as error:
-        raise ObsplanError(f"{path} cannot be written ({error.strerror}): choose another folder, or make this one writable") from error
+        raise ObsplanError(
+            f"{path} cannot be written ({error.strerror}): choose another folder, or make this one writable"
+        ) from error
     finally:
         with suppress(OSError):  # renamed, or never there
             part.unlink()

@@ -51,17 +51,30 @@ def as_trajectories(dataset: "xr.Dataset") -> "xr.Dataset":
     """
     along = ("auv", "obs")
     times = dataset["time"].variable
-    flat = dataset.drop_vars(["time", "state"]).rename_dims(time="obs").assign_coords(time=("obs", times.values, times.attrs))
+    flat = (
+        dataset.drop_vars(["time", "state"])
+        .rename_dims(time="obs")
+        .assign_coords(time=("obs", times.values, times.attrs))
+    )
     for i, row in enumerate(STATES):
         for j, column in enumerate(STATES[: i + 1]):
-            attributes = {"long_name": f"covariance of the estimated {row} and {column}", "units": f"{UNITS[row]} {UNITS[column]}"}
-            flat[f"cov_{row}_{column}"] = (along, dataset["covariance"].values[..., i, j], attributes)
+            attributes = {
+                "long_name": f"covariance of the estimated {row} and {column}",
+                "units": f"{UNITS[row]} {UNITS[column]}",
+            }
+            flat[f"cov_{row}_{column}"] = (
+                along,
+                dataset["covariance"].values[..., i, j],
+                attributes,
+            )
     flat = flat.drop_vars("covariance")
     shape = (flat.sizes["auv"], flat.sizes["obs"])
     for name, variable in flat.variables.items():
         if variable.dims == ("obs",):
             flat[name] = (along, np.broadcast_to(variable.values, shape), variable.attrs)
-        missing = np.issubdtype(variable.dtype, np.floating) and bool(np.isnan(variable.values).any())
+        missing = np.issubdtype(variable.dtype, np.floating) and bool(
+            np.isnan(variable.values).any()
+        )
         flat[name].encoding["_FillValue"] = np.nan if missing else None
     flat["status"].encoding["_FillValue"] = np.int8(NO_DECISION)
     return flat
@@ -102,7 +115,11 @@ def _coordinates(run: Run) -> Variables:
     along = ("auv", "time")
     return {
         "time": (("time",), run.time, time),
-        "auv": (("auv",), np.array(run.names), {"cf_role": "trajectory_id", "long_name": "name of the AUV"}),
+        "auv": (
+            ("auv",),
+            np.array(run.names),
+            {"cf_role": "trajectory_id", "long_name": "name of the AUV"},
+        ),
         "state": (("state",), np.array(STATES), {"long_name": "component of the estimated state"}),
         "lat": (along, lat, {**_latitude("true latitude of the AUV"), "axis": "Y"}),
         "lon": (along, lon, {**_longitude("true longitude of the AUV"), "axis": "X"}),
@@ -114,13 +131,21 @@ def _cna(run: Run) -> Variables:
     return {
         "cna_x": (("time",), run.cna[:, 0], _quantity("m", "east of the aid vehicle")),
         "cna_y": (("time",), run.cna[:, 1], _quantity("m", "north of the aid vehicle")),
-        "cna_heading": (("time",), run.cna[:, 2], _quantity("rad", f"heading of the aid vehicle, {CCW}")),
+        "cna_heading": (
+            ("time",),
+            run.cna[:, 2],
+            _quantity("rad", f"heading of the aid vehicle, {CCW}"),
+        ),
         "cna_turn_rate": (
             ("time",),
             run.turn_rate,
             _quantity("rad s-1", "turn rate of the aid vehicle, positive to the left"),
         ),
-        "cna_speed": (("time",), run.speed, _quantity("m s-1", "speed of the aid vehicle", "platform_speed_wrt_ground")),
+        "cna_speed": (
+            ("time",),
+            run.speed,
+            _quantity("m s-1", "speed of the aid vehicle", "platform_speed_wrt_ground"),
+        ),
         "cna_lat": (("time",), lat, _latitude("latitude of the aid vehicle")),
         "cna_lon": (("time",), lon, _longitude("longitude of the aid vehicle")),
     }
@@ -135,19 +160,36 @@ def _auvs(run: Run) -> Variables:
         found |= {
             f"{prefix}_x": (along, states[..., 0], _quantity("m", f"{whose} east of the AUV")),
             f"{prefix}_y": (along, states[..., 1], _quantity("m", f"{whose} north of the AUV")),
-            f"{prefix}_heading": (along, states[..., 2], _quantity("rad", f"{whose} heading of the AUV, {CCW}")),
+            f"{prefix}_heading": (
+                along,
+                states[..., 2],
+                _quantity("rad", f"{whose} heading of the AUV, {CCW}"),
+            ),
             f"{prefix}_speed": (
                 along,
                 states[..., 3],
-                _quantity("m s-1", f"{whose} speed of the AUV through the water", "platform_speed_wrt_sea_water"),
+                _quantity(
+                    "m s-1",
+                    f"{whose} speed of the AUV through the water",
+                    "platform_speed_wrt_sea_water",
+                ),
             ),
         }
-    covariance = {"long_name": "covariance of the estimate", "comment": "entries in products of m (east, north), rad and m s-1"}
+    covariance = {
+        "long_name": "covariance of the estimate",
+        "comment": "entries in products of m (east, north), rad and m s-1",
+    }
     return found | {
         "est_lat": (along, est_lat, _latitude("estimated latitude of the AUV")),
         "est_lon": (along, est_lon, _longitude("estimated longitude of the AUV")),
         "covariance": ((*along, "state", "state_2"), run.covariance, covariance),
-        "range": (along, run.range, _quantity("m2" if squared else "m", f"measured {'squared ' * squared}range to the aid vehicle")),
+        "range": (
+            along,
+            run.range,
+            _quantity(
+                "m2" if squared else "m", f"measured {'squared ' * squared}range to the aid vehicle"
+            ),
+        ),
     }
 
 
@@ -157,10 +199,17 @@ def _decisions(run: Run) -> Variables:
         "flag_values": np.array([s.value for s in Status], dtype=np.int8),
         "flag_meanings": " ".join(s.label for s in Status),
     }
-    condition = {"long_name": f"predicted condition number {run.condition_label}".strip(), "units": "1"}
+    condition = {
+        "long_name": f"predicted condition number {run.condition_label}".strip(),
+        "units": "1",
+    }
     return {
         "condition": (("auv", "time"), run.condition, condition),
-        "score": (("time",), run.score, {"long_name": "the planner's own objective, in its own unit"}),
+        "score": (
+            ("time",),
+            run.score,
+            {"long_name": "the planner's own objective, in its own unit"},
+        ),
         "status": (("time",), _flags(run.status), flags),
     }
 
@@ -170,9 +219,23 @@ def _derived(run: Run) -> Variables:
     bound = "root mean square position error by the posterior Cramer-Rao bound"
     return {
         "error": (along, run.error, _quantity("m", "distance between true and estimated position")),
-        "nees": (along, run.nees, _quantity("1", "normalised estimation error squared of the position, 2 degrees of freedom")),
-        "pcrb": (along, np.sqrt(run.cramer_rao[..., 0, 0] + run.cramer_rao[..., 1, 1]), _quantity("m", bound)),
-        "separation": (along, run.separation, _quantity("m", "true horizontal distance between aid vehicle and AUV")),
+        "nees": (
+            along,
+            run.nees,
+            _quantity(
+                "1", "normalised estimation error squared of the position, 2 degrees of freedom"
+            ),
+        ),
+        "pcrb": (
+            along,
+            np.sqrt(run.cramer_rao[..., 0, 0] + run.cramer_rao[..., 1, 1]),
+            _quantity("m", bound),
+        ),
+        "separation": (
+            along,
+            run.separation,
+            _quantity("m", "true horizontal distance between aid vehicle and AUV"),
+        ),
     }
 
 
@@ -188,7 +251,9 @@ def _latlon(run: Run, xy: Float[np.ndarray, "*n 2"]) -> tuple[np.ndarray, np.nda
 
 
 def _quantity(units: str, long_name: str, standard_name: str | None = None) -> dict[str, Any]:
-    return {"long_name": long_name, "units": units} | ({"standard_name": standard_name} if standard_name else {})
+    return {"long_name": long_name, "units": units} | (
+        {"standard_name": standard_name} if standard_name else {}
+    )
 
 
 def _latitude(long_name: str) -> dict[str, Any]:

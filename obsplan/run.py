@@ -84,7 +84,11 @@ class Run:
         d = self.mean[..., :2] - self.truth[..., :2]
         P = self.covariance[..., :2, :2]
         determinant = P[..., 0, 0] * P[..., 1, 1] - P[..., 0, 1] ** 2
-        weighed = P[..., 1, 1] * d[..., 0] ** 2 - 2 * P[..., 0, 1] * d[..., 0] * d[..., 1] + P[..., 0, 0] * d[..., 1] ** 2
+        weighed = (
+            P[..., 1, 1] * d[..., 0] ** 2
+            - 2 * P[..., 0, 1] * d[..., 0] * d[..., 1]
+            + P[..., 0, 0] * d[..., 1] ** 2
+        )
         regular = determinant > 0
         return np.where(regular, weighed / np.where(regular, determinant, 1.0), np.nan)
 
@@ -97,17 +101,25 @@ class Run:
     def violation(self) -> Float[np.ndarray, "auvs samples"]:
         """How far [m] the aid vehicle breaks the scenario's limits with respect to each AUV; at most 0 where it keeps them."""
         limits = self.scenario.constraints
-        apart = np.maximum(limits.min_separation - self.separation, self.separation - limits.max_separation)
+        apart = np.maximum(
+            limits.min_separation - self.separation, self.separation - limits.max_separation
+        )
         return np.maximum(apart, limits.fixed_violation(np.ascontiguousarray(self.cna[:, :2])))
 
     @cached_property
     def cramer_rao(self) -> Float[np.ndarray, "auvs samples 4 4"]:
         """Posterior Cramér-Rao bound along the true path, from the first covariance and the filter's process noise."""
         J = np.repeat(self._compass_information()[None], len(self.names), axis=0)
-        gain = {"range": range_information, "squared-range": squared_range_information}[self.scenario.table.ranging.kind]
+        gain = {"range": range_information, "squared-range": squared_range_information}[
+            self.scenario.table.ranging.kind
+        ]
         pings = self.scenario.pings
-        J[:, pings - 1, :2, :2] = gain(self.cna[pings, :2], self.truth[:, pings, :2], self.scenario.range_sensor.sigma)
-        return posterior_cramer_rao(self.covariance[:, 0], self._transitions, self._process_covariance[:, None], J)
+        J[:, pings - 1, :2, :2] = gain(
+            self.cna[pings, :2], self.truth[:, pings, :2], self.scenario.range_sensor.sigma
+        )
+        return posterior_cramer_rao(
+            self.covariance[:, 0], self._transitions, self._process_covariance[:, None], J
+        )
 
     @cached_property
     def information_bounds(self) -> tuple[InformationBound, ...]:
@@ -117,8 +129,17 @@ class Run:
         there it holds for every path the aid vehicle can travel from its start.
         """
         pings, J = self.scenario.pings, self._compass_information()
-        parts = zip(self.covariance[:, 0], self._transitions, self._process_covariance, self._least_sigma(), strict=True)
-        return tuple(information_bound(P0, F, Q, J, pings=pings - 1, sigma=sigma) for P0, F, Q, sigma in parts)
+        parts = zip(
+            self.covariance[:, 0],
+            self._transitions,
+            self._process_covariance,
+            self._least_sigma(),
+            strict=True,
+        )
+        return tuple(
+            information_bound(P0, F, Q, J, pings=pings - 1, sigma=sigma)
+            for P0, F, Q, sigma in parts
+        )
 
     def _least_sigma(self) -> Float[np.ndarray, "auvs pings"]:
         """Smallest standard deviation of a range [m] that any path of the aid vehicle reaches at each ping."""
@@ -135,7 +156,12 @@ class Run:
 
     @cached_property
     def _process_covariance(self) -> Float[np.ndarray, "auvs 4 4"]:
-        return np.stack([np.diag(row**2 * self.scenario.table.time_step) for row in self.scenario.process_noise(assumed=True)])
+        return np.stack(
+            [
+                np.diag(row**2 * self.scenario.table.time_step)
+                for row in self.scenario.process_noise(assumed=True)
+            ]
+        )
 
     def _compass_information(self) -> Float[np.ndarray, "steps 4 4"]:
         """What the heading measured on arriving at each sample after the first tells of the state."""
@@ -147,13 +173,17 @@ class Run:
     def status_counts(self) -> dict[str, int]:
         """How often each status was given."""
         codes, counts = np.unique(self.status[np.isfinite(self.status)], return_counts=True)
-        return {Status(int(code)).label: int(count) for code, count in zip(codes, counts, strict=True)}
+        return {
+            Status(int(code)).label: int(count) for code, count in zip(codes, counts, strict=True)
+        }
 
     def summary(self, *, bounds: bool = True) -> dict[str, Any]:
         """Figures of merit over all AUVs and per AUV, in metres; ``bounds`` adds the certified bound, a second or two per AUV."""
         from obsplan import __version__
 
-        per_auv = {name: self._figures(slice(i, i + 1), bounds) for i, name in enumerate(self.names)}
+        per_auv = {
+            name: self._figures(slice(i, i + 1), bounds) for i, name in enumerate(self.names)
+        }
         return {
             "scenario": self.scenario.table.name,
             "planner": self.planner,
@@ -167,16 +197,24 @@ class Run:
     def _figures(self, auvs: slice, bounds: bool) -> dict[str, float | None]:
         nees, separation = self.nees[auvs], self.separation[auvs]
         achieved = np.sqrt(np.mean(position_rms(self.cramer_rao[auvs]) ** 2))
-        bound = np.sqrt(np.mean([b.bound for b in self.information_bounds[auvs]])) if bounds else np.nan
+        bound = (
+            np.sqrt(np.mean([b.bound for b in self.information_bounds[auvs]])) if bounds else np.nan
+        )
         figures = {
             "rms_error_m": np.sqrt(np.mean(self.error[auvs] ** 2)),
             "max_error_m": self.error[auvs].max(),
             "mean_nees": np.nan if np.isnan(nees).all() else np.nanmean(nees),
             "pcrb_rms_m": achieved,
-            **({"bound_rms_m": bound, "efficiency": bound / achieved if achieved > 0 else 1.0} if bounds else {}),
+            **(
+                {"bound_rms_m": bound, "efficiency": bound / achieved if achieved > 0 else 1.0}
+                if bounds
+                else {}
+            ),
             "separation_mean_m": separation.mean(),
             "separation_max_m": separation.max(),
-            **({"violation_max_m": self.violation[auvs].max()} if self.scenario.constraints else {}),
+            **(
+                {"violation_max_m": self.violation[auvs].max()} if self.scenario.constraints else {}
+            ),
         }
         return {key: float(value) if np.isfinite(value) else None for key, value in figures.items()}
 
@@ -199,11 +237,15 @@ class Run:
         write_netcdf(self, Path(path))
 
 
-def record(scenario: Scenario, planner: object, seed: int, carry: Any, log: Any, timing: Timing) -> Run:
+def record(
+    scenario: Scenario, planner: object, seed: int, carry: Any, log: Any, timing: Timing
+) -> Run:
     """Make a run of the loop's carries (samples, AUVs, rows; covariances whole) and logs (steps, AUVs, rows)."""
     per_auv = lambda a: np.ascontiguousarray(a.swapaxes(0, 1))  # noqa: E731
     missing = np.full((len(scenario.table.auv), 1), np.nan)
-    turn_rate, speed = np.concatenate([carry.command[1:, 0], carry.command[-1:, 0]]).T  # a carry's command is that of the step before
+    turn_rate, speed = np.concatenate(
+        [carry.command[1:, 0], carry.command[-1:, 0]]
+    ).T  # a carry's command is that of the step before
     return Run(
         scenario=scenario,
         planner=name_of(planner),
@@ -216,8 +258,12 @@ def record(scenario: Scenario, planner: object, seed: int, carry: Any, log: Any,
         truth=per_auv(carry.truth),
         mean=per_auv(carry.mean),
         covariance=per_auv(carry.covariance),
-        range=np.concatenate([missing, per_auv(log.range)[..., 0]], axis=1),  # measured at the step's end
-        condition=np.concatenate([per_auv(log.condition)[..., 0], missing], axis=1),  # decided at its beginning
+        range=np.concatenate(
+            [missing, per_auv(log.range)[..., 0]], axis=1
+        ),  # measured at the step's end
+        condition=np.concatenate(
+            [per_auv(log.condition)[..., 0], missing], axis=1
+        ),  # decided at its beginning
         score=np.append(log.score[:, 0, 0], np.nan),
         status=np.append(log.status[:, 0, 0], np.nan),
         timing=timing,

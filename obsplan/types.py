@@ -46,11 +46,24 @@ class Belief:
 
     @classmethod
     def at(
-        cls, x: float, y: float, *, heading: float = 0.0, speed: float = 0.0, covariance: np.ndarray | None = None, weight: float = 1.0
+        cls,
+        x: float,
+        y: float,
+        *,
+        heading: float = 0.0,
+        speed: float = 0.0,
+        covariance: np.ndarray | None = None,
+        weight: float = 1.0,
     ) -> "Belief":
         """Believe in a position [m], heading [rad] and speed [m/s]; the covariance is zero unless given (4 x 4)."""
         mean = np.array([x, y, heading, speed], dtype=float)
-        return cls(mean=mean, covariance=np.zeros((4, 4)) if covariance is None else np.asarray(covariance, dtype=float), weight=weight)
+        return cls(
+            mean=mean,
+            covariance=np.zeros((4, 4))
+            if covariance is None
+            else np.asarray(covariance, dtype=float),
+            weight=weight,
+        )
 
     def ahead(self, times: Float[np.ndarray, " steps"]) -> Float[np.ndarray, "steps 2"]:
         """Predict positions [m] at times from now [s]: along the course where it is known, else at constant velocity."""

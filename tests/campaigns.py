@@ -37,8 +37,21 @@ def write_scenario(folder, *, duration=60.0, sigma=1.0, name="pond.toml"):
 
 def start(*arguments, **options):
     """`obsplan campaign` as a process of its own."""
-    line = [sys.executable, "-c", "from obsplan.cli import main; main()", "campaign", *map(str, arguments)]
-    return subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=Path(__file__).parents[1], **options)
+    line = [
+        sys.executable,
+        "-c",
+        "from obsplan.cli import main; main()",
+        "campaign",
+        *map(str, arguments),
+    ]
+    return subprocess.Popen(
+        line,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=Path(__file__).parents[1],
+        **options,
+    )
 
 
 def finish(process, code=0):
@@ -67,7 +80,13 @@ def cluster(folder, *, workers=2, options=(), environment=None):
         line = [sys.executable, "-m", f"distributed.cli.{module}", *arguments]
         log = (Path(folder) / f"{module}-{len(processes)}.log").open("w")
         processes.append(
-            subprocess.Popen(line, stdout=log, stderr=log, cwd=Path(__file__).parents[1], env={**os.environ, **(environment or {})})
+            subprocess.Popen(
+                line,
+                stdout=log,
+                stderr=log,
+                cwd=Path(__file__).parents[1],
+                env={**os.environ, **(environment or {})},
+            )
         )
         log.close()
 

@@ -22,7 +22,14 @@ def arc(x0, u, t):
     x0, u = x0[..., None, :], np.asarray(u)[..., None]
     half = 0.5 * u * t
     chord, bearing = t * np.sinc(half / np.pi), x0[..., 2] + half
-    return np.stack([x0[..., 0] + chord * np.cos(bearing), x0[..., 1] + chord * np.sin(bearing), x0[..., 2] + 2 * half], axis=-1)
+    return np.stack(
+        [
+            x0[..., 0] + chord * np.cos(bearing),
+            x0[..., 1] + chord * np.sin(bearing),
+            x0[..., 2] + 2 * half,
+        ],
+        axis=-1,
+    )
 
 
 def arc_outputs(x0, u, t):
@@ -44,7 +51,13 @@ def integral(jacobian, horizon, weight=None):
     """∫ J' R^(-1) J dt by 40 Gauss-Legendre points: J analytic, so exact to rounding."""
     nodes, weights = leggauss(40)
     J = jacobian(horizon * (nodes + 1) / 2)
-    return np.einsum("t,tai,ab,tbj->ij", weights * horizon / 2, J, np.eye(J.shape[1]) if weight is None else weight, J)
+    return np.einsum(
+        "t,tai,ab,tbj->ij",
+        weights * horizon / 2,
+        J,
+        np.eye(J.shape[1]) if weight is None else weight,
+        J,
+    )
 
 
 def variational_gramian(f, f_x, h_x, x0, horizon, *, t0=0.0, weight=None):
@@ -54,10 +67,20 @@ def variational_gramian(f, f_x, h_x, x0, horizon, *, t0=0.0, weight=None):
     def rate(t, z):
         x, Phi = z[:n], z[n : n + n * n].reshape(n, n)
         J = h_x(t, x) @ Phi
-        return np.concatenate([f(t, x), (f_x(t, x) @ Phi).ravel(), (J.T @ J if weight is None else J.T @ weight @ J).ravel()])
+        return np.concatenate(
+            [
+                f(t, x),
+                (f_x(t, x) @ Phi).ravel(),
+                (J.T @ J if weight is None else J.T @ weight @ J).ravel(),
+            ]
+        )
 
     z0 = np.concatenate([x0, np.eye(n).ravel(), np.zeros(n * n)])
-    return solve_ivp(rate, (t0, t0 + horizon), z0, method="DOP853", rtol=1e-12, atol=1e-13).y[-n * n :, -1].reshape(n, n)
+    return (
+        solve_ivp(rate, (t0, t0 + horizon), z0, method="DOP853", rtol=1e-12, atol=1e-13)
+        .y[-n * n :, -1]
+        .reshape(n, n)
+    )
 
 
 def slope(sizes, errors):

@@ -12,15 +12,32 @@ from obsplan.scenario import from_dict
 
 def scenario(**change):
     """A short mission of two AUVs, 80 m from the aid vehicle; keys with __ reach into tables, a number being an AUV's."""
-    auv = {"first_estimate": {"sigma_position": 2.0}, "process_noise": {"position": 0.05, "heading_deg": 0.5, "speed": 0.02}}
+    auv = {
+        "first_estimate": {"sigma_position": 2.0},
+        "process_noise": {"position": 0.05, "heading_deg": 0.5, "speed": 0.02},
+    }
     data = {
         "time_step": 0.5,
         "duration": 20.0,
         "origin": {"lat": 47.6, "lon": -122.3},
-        "cna": {"speed": 2.0, "min_turn_radius": 5.0, "start": {"x": 80.0, "y": -30.0, "heading_deg": 140.0}},
+        "cna": {
+            "speed": 2.0,
+            "min_turn_radius": 5.0,
+            "start": {"x": 80.0, "y": -30.0, "heading_deg": 140.0},
+        },
         "auv": [
-            {"name": "a", "speed": 1.5, "survey": {"kind": "waypoints", "points": [[0.0, 0.0], [9.0, 4.0], [9.0, 30.0]]}, **auv},
-            {"name": "b", "speed": 1.0, "survey": {"kind": "waypoints", "points": [[5.0, -20.0], [-30.0, -25.0]]}, **auv},
+            {
+                "name": "a",
+                "speed": 1.5,
+                "survey": {"kind": "waypoints", "points": [[0.0, 0.0], [9.0, 4.0], [9.0, 30.0]]},
+                **auv,
+            },
+            {
+                "name": "b",
+                "speed": 1.0,
+                "survey": {"kind": "waypoints", "points": [[5.0, -20.0], [-30.0, -25.0]]},
+                **auv,
+            },
         ],
         "ranging": {"interval": 2.0, "sigma": 1.0, "heading_sigma_deg": 1.0},
         "planner": {"kind": "path-inertia", "interval": 1.0, "knowledge": "truth"},
@@ -50,7 +67,9 @@ class Spy:
         return self.planner.initial_pose(pose) if hasattr(self.planner, "initial_pose") else pose
 
     def for_mission(self, seed):
-        self.planner = self.planner.for_mission(seed) if hasattr(self.planner, "for_mission") else self.planner
+        self.planner = (
+            self.planner.for_mission(seed) if hasattr(self.planner, "for_mission") else self.planner
+        )
         return self
 
 
@@ -64,7 +83,19 @@ class Silent:
 
 def recording(run):
     """Every number of a run, as bytes."""
-    names = ("time", "cna", "turn_rate", "speed", "truth", "mean", "covariance", "range", "condition", "score", "status")
+    names = (
+        "time",
+        "cna",
+        "turn_rate",
+        "speed",
+        "truth",
+        "mean",
+        "covariance",
+        "range",
+        "condition",
+        "score",
+        "status",
+    )
     return {name: getattr(run, name).tobytes() for name in names}
 
 
@@ -84,7 +115,10 @@ def inertia_recurrence(s, b, *, gamma, r_min, speed, dt, steps):
         shrunk = abs(b) - gamma / (2.0 * (1.0 + gamma))
         r = math.copysign(max(shrunk, r_min), 1.0 if b >= 0 else -1.0)
         theta, t = speed * dt / r, b - r
-        s, b = s * math.cos(theta) - t * math.sin(theta), r + s * math.sin(theta) + t * math.cos(theta)
+        s, b = (
+            s * math.cos(theta) - t * math.sin(theta),
+            r + s * math.sin(theta) + t * math.cos(theta),
+        )
         states.append((s, b))
     return np.array(states)
 
@@ -123,11 +157,25 @@ AGGREGATES = {
 }
 
 
-def horizon_totals(positions, weights, rates, *, speed, horizon, metric="condition-number", aggregate="mean", variant="exact", heading=0.0):
+def horizon_totals(
+    positions,
+    weights,
+    rates,
+    *,
+    speed,
+    horizon,
+    metric="condition-number",
+    aggregate="mean",
+    variant="exact",
+    heading=0.0,
+):
     """Score of each candidate turn rate from an aid vehicle at the origin; lower is better."""
     totals = []
     for u in rates:
-        eigenvalues = [np.linalg.eigvalsh(gramian((-x, -y), heading, u, speed, horizon, variant)) for x, y in positions]
+        eigenvalues = [
+            np.linalg.eigvalsh(gramian((-x, -y), heading, u, speed, horizon, variant))
+            for x, y in positions
+        ]
         scores = np.array([METRICS[metric](e) for e in eigenvalues])
         totals.append(AGGREGATES[aggregate](scores, np.asarray(weights) / np.sum(weights)))
     return np.array(totals)
@@ -153,7 +201,9 @@ class NumpyEkf:
         self.P = F @ self.P @ F.T + self.Q
 
     def heading(self, z, sigma):
-        self._correct(np.array([0.0, 0.0, 1.0, 0.0]), math.remainder(z - self.x[2], 2 * math.pi), sigma)
+        self._correct(
+            np.array([0.0, 0.0, 1.0, 0.0]), math.remainder(z - self.x[2], 2 * math.pi), sigma
+        )
 
     def range(self, z, beacon, sigma, squared):
         away = self.x[:2] - beacon

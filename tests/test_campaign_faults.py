@@ -10,7 +10,17 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
-from campaigns import DIVERGES, PLANNERS, VARY, cluster, finish, start, tables, wait_until, write_scenario
+from campaigns import (
+    DIVERGES,
+    PLANNERS,
+    VARY,
+    cluster,
+    finish,
+    start,
+    tables,
+    wait_until,
+    write_scenario,
+)
 
 from obsplan import load_campaign
 
@@ -21,7 +31,16 @@ MISSIONS = RUNS * len(PLANNERS) * 2
 @pytest.fixture(scope="module")
 def arguments(tmp_path_factory):
     folder = tmp_path_factory.mktemp("scenario")
-    return [write_scenario(folder), "--planners", ",".join(PLANNERS), "--vary", *VARY, "--runs", RUNS, "--out"]
+    return [
+        write_scenario(folder),
+        "--planners",
+        ",".join(PLANNERS),
+        "--vary",
+        *VARY,
+        "--runs",
+        RUNS,
+        "--out",
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +75,11 @@ def sound(folder):
 
 def workers_of(process):
     """Processes that fly missions for a campaign."""
-    return [child for child in psutil.Process(process.pid).children(recursive=True) if "spawn_main" in " ".join(child.cmdline())]
+    return [
+        child
+        for child in psutil.Process(process.pid).children(recursive=True)
+        if "spawn_main" in " ".join(child.cmdline())
+    ]
 
 
 @pytest.mark.slow
@@ -67,10 +90,15 @@ def test_two_workers_give_the_table_of_one(tmp_path, arguments, undisturbed):
 
 
 @pytest.mark.slow
-def test_killed_three_times_at_random_and_finished_gives_the_same_table(tmp_path, arguments, undisturbed):
+def test_killed_three_times_at_random_and_finished_gives_the_same_table(
+    tmp_path, arguments, undisturbed
+):
     rng = np.random.default_rng()
     for _ in range(3):
-        process, enough = start(*arguments, tmp_path), flown(tmp_path) + rng.integers(1, MISSIONS // 4)
+        process, enough = (
+            start(*arguments, tmp_path),
+            flown(tmp_path) + rng.integers(1, MISSIONS // 4),
+        )
         wait_until(lambda enough=enough: flown(tmp_path) >= enough)
         time.sleep(rng.uniform(0.0, 0.2))
         process.kill()
@@ -78,7 +106,9 @@ def test_killed_three_times_at_random_and_finished_gives_the_same_table(tmp_path
         assert sound(tmp_path)
     before = flown(tmp_path)
     out, _ = finish(start(*arguments, tmp_path))
-    assert f"{MISSIONS - before} flown now, {before} were there, 0 failed" in out  # what was kept was not flown again
+    assert (
+        f"{MISSIONS - before} flown now, {before} were there, 0 failed" in out
+    )  # what was kept was not flown again
     assert tables(tmp_path) == undisturbed
 
 
@@ -98,7 +128,10 @@ def test_interrupted_says_so_and_keeps_what_was_flown(tmp_path, arguments):
     wait_until(lambda: flown(tmp_path) >= 10)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: the workers get it too
     _, err = finish(process, code=130)
-    assert err == f"obsplan: interrupted; what was flown is kept in {tmp_path}, and the same command goes on from there\n"
+    assert (
+        err
+        == f"obsplan: interrupted; what was flown is kept in {tmp_path}, and the same command goes on from there\n"
+    )
     assert sound(tmp_path)
     assert len(load_campaign(tmp_path)) == flown(tmp_path) >= 10
 
@@ -120,14 +153,26 @@ def test_workers_do_not_outlive_a_killed_campaign(tmp_path, arguments):
     process.kill()
     finish(process, code=-signal.SIGKILL)
     assert len(workers) == 2
-    wait_until(lambda: not any(worker.is_running() and worker.status() != psutil.STATUS_ZOMBIE for worker in workers))
+    wait_until(
+        lambda: (
+            not any(
+                worker.is_running() and worker.status() != psutil.STATUS_ZOMBIE
+                for worker in workers
+            )
+        )
+    )
 
 
 @pytest.mark.slow
 def test_without_a_compiler_a_message_and_the_same_table(tmp_path, arguments, undisturbed):
-    environment = {key: value for key, value in os.environ.items() if key != "CC"} | {"PATH": str(tmp_path)}
+    environment = {key: value for key, value in os.environ.items() if key != "CC"} | {
+        "PATH": str(tmp_path)
+    }
     _, err = finish(start(*arguments, tmp_path / "out", "--workers", 1, env=environment))
-    assert err == "no C compiler found: using CasADi's virtual machine, with the same results, about three times slower\n"
+    assert (
+        err
+        == "no C compiler found: using CasADi's virtual machine, with the same results, about three times slower\n"
+    )
     assert tables(tmp_path / "out") == undisturbed
 
 
@@ -141,7 +186,9 @@ def test_two_campaigns_at_once_into_one_store_are_safe(tmp_path, arguments, undi
 
 
 @pytest.mark.slow
-def test_dask_cluster_gives_the_same_table_though_a_worker_is_killed(tmp_path, arguments, undisturbed):
+def test_dask_cluster_gives_the_same_table_though_a_worker_is_killed(
+    tmp_path, arguments, undisturbed
+):
     with cluster(tmp_path) as address:
         finish(start(*arguments, tmp_path / "out", "--scheduler", address))
         assert tables(tmp_path / "out") == undisturbed
@@ -163,7 +210,9 @@ def test_mission_that_kills_its_worker_is_recorded_and_costs_no_other(tmp_path):
     impatient = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}
     with cluster(tmp_path, options=["--preload", str(poison)], environment=impatient) as address:
         pond = write_scenario(tmp_path, duration=10.0)
-        _, err = finish(start(pond, "--runs", 40, "--scheduler", address, "--out", tmp_path / "out"), code=3)
+        _, err = finish(
+            start(pond, "--runs", 40, "--scheduler", address, "--out", tmp_path / "out"), code=3
+        )
     reason = "its worker process died every time it was tried; perhaps the memory did not suffice"
     assert err == f"obsplan: pond, path-inertia, seed 7: {reason}\n"
     table = load_campaign(tmp_path / "out").set_index("seed")
@@ -173,13 +222,25 @@ def test_mission_that_kills_its_worker_is_recorded_and_costs_no_other(tmp_path):
 
 
 @pytest.mark.slow
-def test_full_disk_is_one_sentence_and_the_store_goes_on_when_there_is_room(tmp_path, arguments, undisturbed):
+def test_full_disk_is_one_sentence_and_the_store_goes_on_when_there_is_room(
+    tmp_path, arguments, undisturbed
+):
     room = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))  # noqa: E731 - to the store as a full disk
-    process = start(*arguments, tmp_path / "out", "--workers", 1, preexec_fn=room, env=os.environ | {"OBSPLAN_CACHE": str(tmp_path)})
+    process = start(
+        *arguments,
+        tmp_path / "out",
+        "--workers",
+        1,
+        preexec_fn=room,
+        env=os.environ | {"OBSPLAN_CACHE": str(tmp_path)},
+    )
     _, err = finish(process, code=2)
     told = [line for line in err.splitlines() if line.startswith("obsplan: ")]
     assert len(told) == 1
-    assert "see that the disk has space and works: what was flown is kept, and the same command goes on from there" in told[0]
+    assert (
+        "see that the disk has space and works: what was flown is kept, and the same command goes on from there"
+        in told[0]
+    )
     assert sound(tmp_path / "out")
     before = flown(tmp_path / "out")
     assert before > 0

@@ -10,7 +10,14 @@ from campaigns import DIVERGES, finish, start, write_scenario
 from matplotlib import image
 from scipy import stats
 
-from obsplan.campaign.statistics import holm, median_interval, medians, paired, signed_rank_p, varied_keys
+from obsplan.campaign.statistics import (
+    holm,
+    median_interval,
+    medians,
+    paired,
+    signed_rank_p,
+    varied_keys,
+)
 from obsplan.campaign.store import FIGURES
 from obsplan.cli import main
 from obsplan.report import campaign as module
@@ -23,11 +30,32 @@ from obsplan.types import ObsplanError
 def table_of(errors, keys=()):
     """A campaign's table from {(scenario, planner, value of each key): errors by seed}; nan is a failure."""
     rows = [
-        [*labels, seed, "failed" if math.isnan(error) else "done", None, *[error] * len(FIGURES), "{}", "{}"]
+        [
+            *labels,
+            seed,
+            "failed" if math.isnan(error) else "done",
+            None,
+            *[error] * len(FIGURES),
+            "{}",
+            "{}",
+        ]
         for labels, values in errors.items()
         for seed, error in enumerate(values)
     ]
-    return pd.DataFrame(rows, columns=["scenario", "planner", *keys, "seed", "status", "error", *FIGURES, "auv", "status_counts"])
+    return pd.DataFrame(
+        rows,
+        columns=[
+            "scenario",
+            "planner",
+            *keys,
+            "seed",
+            "status",
+            "error",
+            *FIGURES,
+            "auv",
+            "status_counts",
+        ],
+    )
 
 
 @pytest.fixture
@@ -35,9 +63,24 @@ def grid():
     """Two planners over two keys in one scenario; circle is the better by 1 m everywhere, and errors grow with both keys."""
     rng = np.random.default_rng(3)
     noise = rng.normal(scale=0.05, size=30)
-    cells = [(planner, sigma, speed) for planner in ("circle", "gramian") for sigma in (1.0, 2.0, 4.0) for speed in (1.0, 3.0)]
-    error = {cell: cell[1] + 0.1 * cell[2] + (cell[0] == "gramian") + noise + rng.normal(scale=0.02, size=30) for cell in cells}
-    return table_of({("pond", *cell): list(values) for cell, values in error.items()}, keys=("ranging.sigma", "cna.speed"))
+    cells = [
+        (planner, sigma, speed)
+        for planner in ("circle", "gramian")
+        for sigma in (1.0, 2.0, 4.0)
+        for speed in (1.0, 3.0)
+    ]
+    error = {
+        cell: cell[1]
+        + 0.1 * cell[2]
+        + (cell[0] == "gramian")
+        + noise
+        + rng.normal(scale=0.02, size=30)
+        for cell in cells
+    }
+    return table_of(
+        {("pond", *cell): list(values) for cell, values in error.items()},
+        keys=("ranging.sigma", "cna.speed"),
+    )
 
 
 def test_interval_of_a_median_covers_it_as_often_as_it_says():
@@ -65,7 +108,14 @@ def test_too_few_values_have_no_interval():
 
 
 def test_medians_leave_out_and_count_what_failed():
-    found = medians(table_of({("pond", "circle"): [1.0, 2.0, math.nan, 9.0], ("pond", "gramian"): [math.nan, math.nan]}))
+    found = medians(
+        table_of(
+            {
+                ("pond", "circle"): [1.0, 2.0, math.nan, 9.0],
+                ("pond", "gramian"): [math.nan, math.nan],
+            }
+        )
+    )
     assert list(found["missions"]) == [4, 2]
     assert list(found["failed"]) == [1, 2]
     assert found["rms_error_m"][0] == 2.0
@@ -77,14 +127,19 @@ def test_intervals_are_the_same_each_time(grid):
 
 
 def test_settings_that_a_planner_does_not_have_make_a_group_of_their_own():
-    table = table_of({("pond", "circle", None): [1.0, 2.0], ("pond", "path-inertia", 0.5): [3.0, 4.0]}, keys=("planner.gamma",))
+    table = table_of(
+        {("pond", "circle", None): [1.0, 2.0], ("pond", "path-inertia", 0.5): [3.0, 4.0]},
+        keys=("planner.gamma",),
+    )
     assert varied_keys(table) == ["planner.gamma"]
     assert list(medians(table)["rms_error_m"]) == [1.5, 3.5]
 
 
 def test_holm_is_right_on_a_worked_example():
     """Holm (1979): p of 0.01, 0.04, 0.03, 0.005 become 0.03, 0.06, 0.06, 0.02."""
-    np.testing.assert_allclose(holm(np.array([0.01, 0.04, 0.03, 0.005])), [0.03, 0.06, 0.06, 0.02], rtol=1e-15)
+    np.testing.assert_allclose(
+        holm(np.array([0.01, 0.04, 0.03, 0.005])), [0.03, 0.06, 0.06, 0.02], rtol=1e-15
+    )
     assert holm(np.array([0.9, 0.8])).max() == 1.0
     assert holm(np.empty(0)).size == 0
 
@@ -103,9 +158,18 @@ def test_signed_rank_is_exact_for_few_pairs():
 
 
 def test_pairs_are_made_by_seed_and_only_of_missions_that_did_not_fail():
-    errors = {("pond", "circle"): [1.0, 2.0, math.nan, 4.0], ("pond", "gramian"): [1.5, 2.25, 1.0, 4.125], ("lake", "circle"): [1.0]}
+    errors = {
+        ("pond", "circle"): [1.0, 2.0, math.nan, 4.0],
+        ("pond", "gramian"): [1.5, 2.25, 1.0, 4.125],
+        ("lake", "circle"): [1.0],
+    }
     (row,) = paired(table_of(errors)).to_dict("records")
-    assert (row["scenario"], row["planner"], row["against"], row["pairs"]) == ("pond", "circle", "gramian", 3)
+    assert (row["scenario"], row["planner"], row["against"], row["pairs"]) == (
+        "pond",
+        "circle",
+        "gramian",
+        3,
+    )
     assert (row["difference"], row["better"]) == (-0.25, 1.0)
     assert row["p"] == pytest.approx(2 / 2**3)
 
@@ -113,8 +177,13 @@ def test_pairs_are_made_by_seed_and_only_of_missions_that_did_not_fail():
 def test_pairing_finds_what_unpaired_samples_hide():
     """A gain of 0.05 under noise of 1 that both planners share."""
     shared, rng = np.random.default_rng(5).normal(10.0, 1.0, size=40), np.random.default_rng(6)
-    one, other = shared + rng.normal(scale=0.02, size=40), shared + 0.05 + rng.normal(scale=0.02, size=40)
-    (row,) = paired(table_of({("pond", "circle"): list(one), ("pond", "gramian"): list(other)})).to_dict("records")
+    one, other = (
+        shared + rng.normal(scale=0.02, size=40),
+        shared + 0.05 + rng.normal(scale=0.02, size=40),
+    )
+    (row,) = paired(
+        table_of({("pond", "circle"): list(one), ("pond", "gramian"): list(other)})
+    ).to_dict("records")
     assert stats.mannwhitneyu(one, other).pvalue > 0.1
     assert row["p_holm"] < 1e-6
     assert row["low"] < -0.04 > row["difference"] > row["low"]
@@ -128,17 +197,24 @@ def test_every_pair_of_planners_is_compared_in_every_setting_and_corrected_for_a
 
 
 def test_sentences_name_the_winner_its_lead_and_what_failed():
-    errors = {("pond", name): [base + 0.01 * k for k in range(12)] for name, base in (("a", 1.0), ("b", 2.0), ("c", 3.0))}
+    errors = {
+        ("pond", name): [base + 0.01 * k for k in range(12)]
+        for name, base in (("a", 1.0), ("b", 2.0), ("c", 3.0))
+    }
     errors["pond", "c"][3] = math.nan
     table = table_of(errors)
     first, second = sentences(medians(table), paired(table))
-    assert first.startswith("pond: a has the lowest error, by 1.00 m in the median of 12 seeds against b (corrected p at most 0.00")
+    assert first.startswith(
+        "pond: a has the lowest error, by 1.00 m in the median of 12 seeds against b (corrected p at most 0.00"
+    )
     assert second == "1 of 36 missions failed and are left out of all medians and comparisons."
 
 
 def test_sentences_claim_no_winner_where_chance_could_explain_it():
     same = table_of({("pond", "a"): [1.0, 3.0, 2.0, 5.0], ("pond", "b"): [2.0, 1.0, 3.0, 4.0]})
-    assert sentences(medians(same), paired(same)) == ["pond: no planner leads all others by more than chance could explain."]
+    assert sentences(medians(same), paired(same)) == [
+        "pond: no planner leads all others by more than chance could explain."
+    ]
 
 
 def test_sentences_count_settings_where_they_are_many(grid):
@@ -162,7 +238,10 @@ def test_lines_are_the_medians_against_the_key(grid):
 
 
 def test_words_are_an_axis_too():
-    table = table_of({("pond", "circle", kind): [1.0, 2.0] for kind in ("range", "squared-range")}, keys=("ranging.kind",))
+    table = table_of(
+        {("pond", "circle", kind): [1.0, 2.0] for kind in ("range", "squared-range")},
+        keys=("ranging.kind",),
+    )
     (panel,) = key_figure(table, "ranging.kind").axes
     assert [label.get_text() for label in panel.get_xticklabels()] == ["range", "squared-range"]
 
@@ -172,14 +251,22 @@ def test_maps_have_a_field_per_setting_on_one_scale(grid):
     meshes = [panel.collections[0] for panel in panels]
     for mesh, planner in zip(meshes, ("circle", "gramian"), strict=True):
         here = grid[grid["planner"] == planner]
-        chosen = lambda speed, sigma, here=here: here[(here["cna.speed"] == speed) & (here["ranging.sigma"] == sigma)]  # noqa: E731
-        expected = [[np.median(chosen(speed, sigma)["rms_error_m"]) for sigma in (1.0, 2.0, 4.0)] for speed in (1.0, 3.0)]
+
+        def chosen(speed, sigma, here=here):
+            return here[(here["cna.speed"] == speed) & (here["ranging.sigma"] == sigma)]
+
+        expected = [
+            [np.median(chosen(speed, sigma)["rms_error_m"]) for sigma in (1.0, 2.0, 4.0)]
+            for speed in (1.0, 3.0)
+        ]
         np.testing.assert_allclose(mesh.get_array().reshape(2, 3), expected)
     assert len({mesh.get_clim() for mesh in meshes}) == 1
 
 
 def test_planners_keep_their_colours_from_figure_to_figure(grid):
-    dots = [line.get_color() for line in planners_figure(grid).axes[0].lines if line.get_marker() == "o"]
+    dots = [
+        line.get_color() for line in planners_figure(grid).axes[0].lines if line.get_marker() == "o"
+    ]
     assert dots == [line.get_color() for line in key_figure(grid, "cna.speed").axes[0].lines]
 
 
@@ -187,7 +274,10 @@ def test_figures_are_those_the_table_can_fill(grid):
     assert list(figures(grid)) == [
         "planners.png", "error-vs-ranging.sigma.png", "error-vs-cna.speed.png", "map-pond-ranging.sigma-cna.speed.png",
     ]  # fmt: skip
-    assert list(figures(grid[grid["cna.speed"] == 1.0])) == ["planners.png", "error-vs-ranging.sigma.png"]
+    assert list(figures(grid[grid["cna.speed"] == 1.0])) == [
+        "planners.png",
+        "error-vs-ranging.sigma.png",
+    ]
 
 
 def test_table_on_the_terminal_has_a_row_per_setting_and_says_what_it_leaves_out(grid, monkeypatch):
@@ -201,7 +291,21 @@ def test_table_on_the_terminal_has_a_row_per_setting_and_says_what_it_leaves_out
 def test_report_of_a_campaign_from_the_command_line(tmp_path, monkeypatch, capsys):
     pond = write_scenario(tmp_path, duration=10.0)
     vary = ["--vary", DIVERGES, "--vary", "ranging.sigma=1.0,2.0"]
-    finish(start(pond, "--planners", "circle,stationary", *vary, "--runs", 5, "--workers", 1, "--out", tmp_path / "out"), code=3)
+    finish(
+        start(
+            pond,
+            "--planners",
+            "circle,stationary",
+            *vary,
+            "--runs",
+            5,
+            "--workers",
+            1,
+            "--out",
+            tmp_path / "out",
+        ),
+        code=3,
+    )
     monkeypatch.setattr("sys.argv", ["obsplan", "campaign-report", str(tmp_path / "out")])
     with pytest.raises(SystemExit, match="0"):
         main()
@@ -217,14 +321,23 @@ def test_report_of_a_campaign_from_the_command_line(tmp_path, monkeypatch, capsy
     with (report / "medians.csv").open() as file:
         lines = list(csv.DictReader(file))
     assert [line["failed"] for line in lines] == ["0", "0", "5", "5"] * 2
-    assert all(float(line["rms_error_m_low"]) <= float(line["rms_error_m"]) <= float(line["rms_error_m_high"]) for line in lines[:2])
+    assert all(
+        float(line["rms_error_m_low"])
+        <= float(line["rms_error_m"])
+        <= float(line["rms_error_m_high"])
+        for line in lines[:2]
+    )
     before = {path.name: path.read_bytes() for path in report.iterdir()}
     (report / "error-vs-old.png").write_text("of an earlier campaign")
     (report / "notes.txt").write_text("mine")
     assert set(write_campaign_report(tmp_path / "out").files) == set(before)
-    assert {path.name: path.read_bytes() for path in report.iterdir()} == before | {"notes.txt": b"mine"}
+    assert {path.name: path.read_bytes() for path in report.iterdir()} == before | {
+        "notes.txt": b"mine"
+    }
 
 
 def test_report_of_no_campaign_is_one_sentence(tmp_path):
-    with pytest.raises(ObsplanError, match="has no campaign; give the folder that `obsplan campaign --out` made"):
+    with pytest.raises(
+        ObsplanError, match="has no campaign; give the folder that `obsplan campaign --out` made"
+    ):
         write_campaign_report(tmp_path)

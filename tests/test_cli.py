@@ -24,7 +24,14 @@ FILES = {
 
 
 def obsplan(*arguments, cwd, code=0):
-    done = subprocess.run([*PROGRAM, *map(str, arguments)], cwd=cwd, capture_output=True, text=True, check=False, encoding="utf-8")
+    done = subprocess.run(
+        [*PROGRAM, *map(str, arguments)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        check=False,
+        encoding="utf-8",
+    )
     assert done.returncode == code, done.stdout + done.stderr
     return done
 
@@ -59,7 +66,19 @@ def test_run_ends_with_a_table_a_verdict_and_a_folder(small):
 
 @pytest.mark.slow
 def test_run_is_repeated_byte_for_byte_from_its_own_scenario(small):
-    obsplan("run", "small.toml", "--planner", "gramian", "--seed", 5, "--set", "cna.speed=0.8", "--out", "a", cwd=small)
+    obsplan(
+        "run",
+        "small.toml",
+        "--planner",
+        "gramian",
+        "--seed",
+        5,
+        "--set",
+        "cna.speed=0.8",
+        "--out",
+        "a",
+        cwd=small,
+    )
     obsplan("run", "a/scenario.toml", "--seed", 5, "--out", "b", cwd=small)
     for name in FILES - {"timing.json"}:
         assert (small / "a" / name).read_bytes() == (small / "b" / name).read_bytes(), name
@@ -72,17 +91,31 @@ def test_summary_agrees_with_tracks(small):
         errors = [float(row["error_m"]) for row in csv.DictReader(file)]
     figures = json.loads((small / "a" / "summary.json").read_text())["all"]
     assert figures["max_error_m"] == pytest.approx(max(errors), abs=1e-5)
-    assert figures["rms_error_m"] == pytest.approx((sum(e**2 for e in errors) / len(errors)) ** 0.5, abs=1e-5)
+    assert figures["rms_error_m"] == pytest.approx(
+        (sum(e**2 for e in errors) / len(errors)) ** 0.5, abs=1e-5
+    )
     assert 0 < figures["efficiency"] <= 1
 
 
 @pytest.mark.slow
 def test_compare_ranks_planners_under_the_same_noise(small):
-    done = obsplan("compare", "small.toml", "--planners", "circle,stationary", "--runs", 3, "--out", "c", cwd=small)
+    done = obsplan(
+        "compare",
+        "small.toml",
+        "--planners",
+        "circle,stationary",
+        "--runs",
+        3,
+        "--out",
+        "c",
+        cwd=small,
+    )
     assert "median" in done.stdout
     with (small / "c" / "compare.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert [(row["planner"], row["seed"]) for row in rows] == [(p, s) for p in ("circle", "stationary") for s in "123"]
+    assert [(row["planner"], row["seed"]) for row in rows] == [
+        (p, s) for p in ("circle", "stationary") for s in "123"
+    ]
     assert (small / "c" / "compare.png").stat().st_size > 10_000
 
 
@@ -98,7 +131,13 @@ MISSIONS = {
             "mission": {
                 "plannedHomePosition": [47.629, -122.337, 0],
                 "items": [
-                    {"type": "SimpleItem", "command": 16, "frame": 3, "params": [0, 0, 0, None, lat, lon, 0], "autoContinue": True}
+                    {
+                        "type": "SimpleItem",
+                        "command": 16,
+                        "frame": 3,
+                        "params": [0, 0, 0, None, lat, lon, 0],
+                        "autoContinue": True,
+                    }
                     for lon, lat in LINE
                 ],
             },
@@ -149,8 +188,16 @@ def test_folder_that_cannot_be_written_is_refused(small):
 
 @pytest.mark.slow
 def test_interrupted_run_leaves_no_folder(small):
-    (small / "long.toml").write_text("time_step = 0.1\n" + SMALL.replace("[10.0, 0.0]", "[40000.0, 0.0]"))
-    process = subprocess.Popen([*PROGRAM, "run", "long.toml"], cwd=small, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    (small / "long.toml").write_text(
+        "time_step = 0.1\n" + SMALL.replace("[10.0, 0.0]", "[40000.0, 0.0]")
+    )
+    process = subprocess.Popen(
+        [*PROGRAM, "run", "long.toml"],
+        cwd=small,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     time.sleep(2.5)
     process.send_signal(signal.SIGINT)
     _, error = process.communicate(timeout=60)

@@ -11,8 +11,26 @@ from oracles import arc, scenario
 import obsplan as op
 from obsplan.constraints import UNLIMITED, Constraints, Disc, Polygon, first_move_violation
 
-U_SHAPE = ((0.0, 0.0), (12.0, 0.0), (12.0, 10.0), (8.0, 10.0), (8.0, 3.0), (4.0, 3.0), (4.0, 10.0), (0.0, 10.0))
-BAY = ((-60.0, -50.0), (70.0, -55.0), (65.0, 40.0), (20.0, 45.0), (10.0, 5.0), (-5.0, 8.0), (-20.0, 50.0), (-65.0, 45.0))
+U_SHAPE = (
+    (0.0, 0.0),
+    (12.0, 0.0),
+    (12.0, 10.0),
+    (8.0, 10.0),
+    (8.0, 3.0),
+    (4.0, 3.0),
+    (4.0, 10.0),
+    (0.0, 10.0),
+)
+BAY = (
+    (-60.0, -50.0),
+    (70.0, -55.0),
+    (65.0, 40.0),
+    (20.0, 45.0),
+    (10.0, 5.0),
+    (-5.0, 8.0),
+    (-20.0, 50.0),
+    (-65.0, 45.0),
+)
 
 
 def signed_distance(corners, x, y):
@@ -35,14 +53,20 @@ def test_distance_of_a_polygon_is_signed_also_where_it_is_not_convex(corners):
     points = np.random.default_rng(1).uniform(-80, 80, (500, 2)) * [1.0, 0.8]
     points[:250] /= 5
     expected = [signed_distance(corners, *point) for point in points]
-    np.testing.assert_allclose(Polygon(points=corners).signed_distance(points), expected, atol=1e-12)
-    between_the_arms = Polygon(points=U_SHAPE).signed_distance(np.array([[6.0, 8.0], [2.0, 8.0], [6.0, 1.5]]))
+    np.testing.assert_allclose(
+        Polygon(points=corners).signed_distance(points), expected, atol=1e-12
+    )
+    between_the_arms = Polygon(points=U_SHAPE).signed_distance(
+        np.array([[6.0, 8.0], [2.0, 8.0], [6.0, 1.5]])
+    )
     np.testing.assert_allclose(between_the_arms, [2.0, -2.0, -1.5])
 
 
 def test_distance_of_a_disc_is_signed():
     disc = Disc(x=3.0, y=4.0, radius=2.0)
-    np.testing.assert_allclose(disc.signed_distance(np.array([[0.0, 0.0], [3.0, 4.0], [5.0, 4.0]])), [3.0, -2.0, 0.0])
+    np.testing.assert_allclose(
+        disc.signed_distance(np.array([[0.0, 0.0], [3.0, 4.0], [5.0, 4.0]])), [3.0, -2.0, 0.0]
+    )
 
 
 LIMITS = Constraints(
@@ -65,7 +89,11 @@ def test_violation_is_the_worst_of_every_limit():
     rng = np.random.default_rng(2)
     auvs = np.array([[5.0, -30.0], [-40.0, 10.0]])
     for x, y in rng.uniform(-80, 80, (200, 2)):
-        inside = [12.0 - math.hypot(x + 30, y + 20), -signed_distance(U_SHAPE, x, y), signed_distance(BAY, x, y)]
+        inside = [
+            12.0 - math.hypot(x + 30, y + 20),
+            -signed_distance(U_SHAPE, x, y),
+            signed_distance(BAY, x, y),
+        ]
         apart = [math.dist((x, y), auv) for auv in auvs]
         expected = max(*inside, *(4.0 - d for d in apart), *(d - 40.0 for d in apart))
         assert LIMITS.violation(np.array([[x, y]]), auvs)[0] == pytest.approx(expected, abs=1e-9)
@@ -74,14 +102,20 @@ def test_violation_is_the_worst_of_every_limit():
 def test_no_limits_are_false_and_never_violated():
     assert not Constraints()
     assert Constraints(min_separation=1.0)
-    assert UNLIMITED.violation(np.zeros((3, 2)), np.zeros((1, 2))).max() == -np.inf  # not even on top of an AUV
+    assert (
+        UNLIMITED.violation(np.zeros((3, 2)), np.zeros((1, 2))).max() == -np.inf
+    )  # not even on top of an AUV
     assert UNLIMITED.violation(np.zeros((3, 2)), np.empty((0, 2))).max() == -np.inf
 
 
 def test_areas_and_limits_refuse_what_makes_no_sense():
-    with pytest.raises(ValueError, match=r"finite centre and a positive radius \[m\], got \(0.0, 0.0\) and -1.0"):
+    with pytest.raises(
+        ValueError, match=r"finite centre and a positive radius \[m\], got \(0.0, 0.0\) and -1.0"
+    ):
         Disc(x=0.0, y=0.0, radius=-1.0)
-    with pytest.raises(ValueError, match=r"finite centre and a positive radius \[m\], got \(nan, 0.0\)"):
+    with pytest.raises(
+        ValueError, match=r"finite centre and a positive radius \[m\], got \(nan, 0.0\)"
+    ):
         Disc(x=math.nan, y=0.0, radius=1.0)
     with pytest.raises(ValueError, match="at least three corners, got 2"):
         Polygon(points=((0.0, 0.0), (1.0, 0.0)))
@@ -90,10 +124,14 @@ def test_areas_and_limits_refuse_what_makes_no_sense():
         ((0.0, 0.0), (1.0, 1.0), (2.0, 2.0)),
         ((0.0, 0.0), (1.0, 1.0), (0.0, math.inf)),
     ]:
-        with pytest.raises(ValueError, match="must be finite, enclose an area and not cross itself"):
+        with pytest.raises(
+            ValueError, match="must be finite, enclose an area and not cross itself"
+        ):
             Polygon(points=corners)
     for least, greatest in [(-1.0, 5.0), (5.0, 5.0), (math.nan, 5.0)]:
-        with pytest.raises(ValueError, match=rf"0 <= least < greatest \[m\], got {least} and {greatest}"):
+        with pytest.raises(
+            ValueError, match=rf"0 <= least < greatest \[m\], got {least} and {greatest}"
+        ):
             Constraints(min_separation=least, max_separation=greatest)
 
 
@@ -106,17 +144,31 @@ nowhere = lambda times: np.empty((len(times), 0, 2))  # noqa: E731
 
 def fixed(x, y):
     """Worst of the fixed limits, by hand."""
-    return max(12.0 - math.hypot(x + 30, y + 20), -signed_distance(U_SHAPE, x, y), signed_distance(BAY, x, y))
+    return max(
+        12.0 - math.hypot(x + 30, y + 20),
+        -signed_distance(U_SHAPE, x, y),
+        signed_distance(BAY, x, y),
+    )
 
 
 def flight(constraints, interval, steps, seed, auvs=lambda _now: nowhere, start=(0.0, -30.0, 0.3)):
     """Poses under turns drawn from those that break nothing, and whether there always was one."""
     rng, pose, always = np.random.default_rng(seed), np.array(start), True
     for k in range(steps):
-        broken = first_move_violation(constraints, pose, TURNS, speed=SPEED, radius=RADIUS, interval=interval, auvs=auvs(k * interval))
+        broken = first_move_violation(
+            constraints,
+            pose,
+            TURNS,
+            speed=SPEED,
+            radius=RADIUS,
+            interval=interval,
+            auvs=auvs(k * interval),
+        )
         always &= bool((broken <= 0).any())
         turn = rng.choice(TURNS[broken <= 0]) if (broken <= 0).any() else 0.0
-        yield from ((k * interval + t, arc(pose, turn, SPEED, t)) for t in np.linspace(0, interval, 10))
+        yield from (
+            (k * interval + t, arc(pose, turn, SPEED, t)) for t in np.linspace(0, interval, 10)
+        )
         pose = arc(pose, turn, SPEED, interval)
     yield always, None
 
@@ -149,20 +201,33 @@ def test_without_looking_at_the_circles_the_vehicle_gets_caught():
 
 def test_turns_called_safe_keep_their_distance_from_auvs_that_move():
     limits = Constraints(min_separation=5.0, max_separation=60.0)
-    place = lambda times: 20 * np.stack([np.cos(0.4 * times), np.sin(0.4 * times)], axis=-1)[..., None, :]  # noqa: E731
+
+    def place(times):
+        return 20 * np.stack([np.cos(0.4 * times), np.sin(0.4 * times)], axis=-1)[..., None, :]
+
     safe = 0
     rng = np.random.default_rng(4)
     for now in rng.uniform(0, 60, 300):
         pose = rng.uniform([-30, -30, -3], [30, 30, 3])
-        distances = [[math.dist(arc(pose, u, SPEED, t)[:2], place(now + t)[0]) for t in np.linspace(0, 2, 60)] for u in TURNS]
+        distances = [
+            [
+                math.dist(arc(pose, u, SPEED, t)[:2], place(now + t)[0])
+                for t in np.linspace(0, 2, 60)
+            ]
+            for u in TURNS
+        ]
         ahead = lambda t, now=now: place(now + t)  # noqa: E731
-        broken = first_move_violation(limits, pose, TURNS, speed=SPEED, radius=RADIUS, interval=2.0, auvs=ahead)
+        broken = first_move_violation(
+            limits, pose, TURNS, speed=SPEED, radius=RADIUS, interval=2.0, auvs=ahead
+        )
         worst = np.array([max(5.0 - min(d), max(d) - 60.0) for d in distances])
         began = max(5.0 - distances[0][0], distances[0][0] - 60.0)
         if began > 0:
             continue  # what is broken already is no turn's fault
         assert (worst <= np.maximum(broken, 0.0) + 1e-9).all()
-        assert (broken <= worst + 1.3).all()  # and what is called broken nearly is: twice half of what both move, (2 + 8) 2 / 16 m
+        assert (
+            broken <= worst + 1.3
+        ).all()  # and what is called broken nearly is: twice half of what both move, (2 + 8) 2 / 16 m
         safe += (broken <= 0).sum()
     assert safe > 100
 
@@ -170,7 +235,9 @@ def test_turns_called_safe_keep_their_distance_from_auvs_that_move():
 def test_least_violating_turn_leads_out_of_a_keep_out():
     limits = Constraints(keep_out=(Disc(x=0.0, y=0.0, radius=20.0),))
     pose = np.array([15.0, 0.0, math.pi / 2])
-    broken = first_move_violation(limits, pose, TURNS, speed=SPEED, radius=RADIUS, interval=2.0, auvs=nowhere)
+    broken = first_move_violation(
+        limits, pose, TURNS, speed=SPEED, radius=RADIUS, interval=2.0, auvs=nowhere
+    )
     assert (broken > 0).all()
     assert TURNS[broken.argmin()] < 0
 
@@ -181,7 +248,10 @@ def test_least_violating_turn_leads_out_of_a_keep_out():
 def test_constraints_of_a_scenario_are_those_of_its_file():
     mission = scenario(
         constraints={
-            "keep_out": [{"x": -30.0, "y": -20.0, "radius": 12.0}, {"points": [list(corner) for corner in U_SHAPE]}],
+            "keep_out": [
+                {"x": -30.0, "y": -20.0, "radius": 12.0},
+                {"points": [list(corner) for corner in U_SHAPE]},
+            ],
             "geofence": [list(corner) for corner in BAY],
             "min_separation": 4.0,
             "max_separation": 40.0,
@@ -194,14 +264,26 @@ def test_constraints_of_a_scenario_are_those_of_its_file():
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        ({"keep_out": [{"x": 1.0, "y": 2.0}]}, r"constraints\.keep_out\.0.*give either x, y and radius, or points"),
+        (
+            {"keep_out": [{"x": 1.0, "y": 2.0}]},
+            r"constraints\.keep_out\.0.*give either x, y and radius, or points",
+        ),
         (
             {"keep_out": [{"x": 1.0, "points": [[0, 0], [1, 0], [0, 1]]}]},
             r"constraints\.keep_out\.0.*give either x, y and radius, or points",
         ),
-        ({"keep_out": [{"x": 0.0, "y": 0.0, "radius": -2.0}]}, r"constraints\.keep_out\.0\.radius.*-2\.0"),
-        ({"keep_out": [{"points": [[0.0, 0.0], [1.0, 0.0]]}]}, "constraints: a polygon needs at least three corners, got 2"),
-        ({"geofence": [[0.0, 0.0], [9.0, 9.0], [9.0, 0.0], [0.0, 9.0]]}, "constraints: the line of a polygon must be finite"),
+        (
+            {"keep_out": [{"x": 0.0, "y": 0.0, "radius": -2.0}]},
+            r"constraints\.keep_out\.0\.radius.*-2\.0",
+        ),
+        (
+            {"keep_out": [{"points": [[0.0, 0.0], [1.0, 0.0]]}]},
+            "constraints: a polygon needs at least three corners, got 2",
+        ),
+        (
+            {"geofence": [[0.0, 0.0], [9.0, 9.0], [9.0, 0.0], [0.0, 9.0]]},
+            "constraints: the line of a polygon must be finite",
+        ),
         (
             {"min_separation": 9.0, "max_separation": 5.0},
             r"constraints: separations must be 0 <= least < greatest \[m\], got 9\.0 and 5\.0",

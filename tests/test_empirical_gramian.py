@@ -27,58 +27,96 @@ def test_empirical_and_exact_agree_entry_by_entry_under_every_rule_and_noise(rul
     R = np.array([[0.01, 0.02], [0.02, 0.25]])
     exact = exact_gramian(unicycle, squared_range, n=3, m=1, steps=20, substeps=20, rule=rule)
     W = empirical_gramian(simulate, X0, horizon=T, rule=rule, R=R)
-    np.testing.assert_allclose(W, analytic(rule, R), rtol=1e-8)  # eps/epsilon = 2e-11, times the condition of the whitening
-    np.testing.assert_allclose(W, exact(X0, np.full((1, 1), RATE), horizon=T, R=R), rtol=1e-8)  # (0.1/20)^4 / 120 = 5e-12
+    np.testing.assert_allclose(
+        W, analytic(rule, R), rtol=1e-8
+    )  # eps/epsilon = 2e-11, times the condition of the whitening
+    np.testing.assert_allclose(
+        W, exact(X0, np.full((1, 1), RATE), horizon=T, R=R), rtol=1e-8
+    )  # (0.1/20)^4 / 120 = 5e-12
 
 
 def test_error_falls_with_the_square_of_the_displacement():
     epsilons = np.array([1e-1, 3e-2, 1e-2, 3e-3])
-    errors = [np.abs(empirical_gramian(simulate, X0, horizon=T, epsilon=e) - analytic()).max() for e in epsilons]
+    errors = [
+        np.abs(empirical_gramian(simulate, X0, horizon=T, epsilon=e) - analytic()).max()
+        for e in epsilons
+    ]
     assert slope(epsilons, errors) == pytest.approx(2, abs=0.05)
 
 
 def test_rounding_grows_as_one_over_the_displacement():
     epsilons = np.logspace(-9, -7, 20)
-    errors = [np.abs(empirical_gramian(simulate, X0, horizon=T, epsilon=e) - analytic()).max() for e in epsilons]
-    assert slope(epsilons, errors) == pytest.approx(-1, abs=0.35)  # of twenty noisy points over two decades
+    errors = [
+        np.abs(empirical_gramian(simulate, X0, horizon=T, epsilon=e) - analytic()).max()
+        for e in epsilons
+    ]
+    assert slope(epsilons, errors) == pytest.approx(
+        -1, abs=0.35
+    )  # of twenty noisy points over two decades
 
 
 def test_noise_of_the_simulator_adds_its_variance_over_the_displacement_squared():
-    noise, epsilon, samples = 1e-6, 1e-8, 2001  # an adaptive integrator's tolerance, and a displacement far below it
+    noise, epsilon, samples = (
+        1e-6,
+        1e-8,
+        2001,
+    )  # an adaptive integrator's tolerance, and a displacement far below it
     rng = np.random.default_rng(5)
     W = empirical_gramian(
-        lambda x0: x0[:1] + noise * rng.normal(size=(samples, 1)), np.zeros(1), horizon=1.0, epsilon=epsilon, rule="trapezoid"
+        lambda x0: x0[:1] + noise * rng.normal(size=(samples, 1)),
+        np.zeros(1),
+        horizon=1.0,
+        epsilon=epsilon,
+        rule="trapezoid",
     )
     bias = noise**2 / (2 * epsilon**2)  # variance of the difference of two, over (2 epsilon)²
-    assert W[0, 0] == pytest.approx(1 + bias, rel=4 * np.sqrt(2 / samples))  # four standard errors of a variance
+    assert W[0, 0] == pytest.approx(
+        1 + bias, rel=4 * np.sqrt(2 / samples)
+    )  # four standard errors of a variance
 
 
 @pytest.mark.parametrize("epsilon", [1e-3, 1.0, 100.0])
 def test_position_displacements_are_exact_at_any_size(epsilon):
     W = empirical_gramian(simulate, X0, horizon=T, epsilon=np.array([epsilon, epsilon, 1e-5]))
-    np.testing.assert_allclose(W[:2, :2], analytic()[:2, :2], rtol=1e-11)  # squared range is quadratic in position
+    np.testing.assert_allclose(
+        W[:2, :2], analytic()[:2, :2], rtol=1e-11
+    )  # squared range is quadratic in position
 
 
 def test_each_state_has_its_own_displacement():
     scaled = np.array([1.0, 1e3, 1.0])  # north in millimetres
-    W = empirical_gramian(lambda z: simulate(z / scaled), X0 * scaled, horizon=T, epsilon=1e-5 * scaled)
-    np.testing.assert_allclose(W * np.outer(scaled, scaled), empirical_gramian(simulate, X0, horizon=T, epsilon=1e-5), rtol=1e-9)
+    W = empirical_gramian(
+        lambda z: simulate(z / scaled), X0 * scaled, horizon=T, epsilon=1e-5 * scaled
+    )
+    np.testing.assert_allclose(
+        W * np.outer(scaled, scaled),
+        empirical_gramian(simulate, X0, horizon=T, epsilon=1e-5),
+        rtol=1e-9,
+    )
 
 
 def test_casadi_function_and_plain_python_give_the_same():
     x = ca.SX.sym("x", 3)
     half = RATE * TIMES / 2
     chord = TIMES * np.sinc(half / np.pi)
-    east, north = (x[i] + ca.DM(chord) * trig(x[2] + ca.DM(half)) for i, trig in enumerate((ca.cos, ca.sin)))
-    function = ca.Function("simulate", [x], [ca.horzcat(x[2] + ca.DM(2 * half), east**2 + north**2)])
+    east, north = (
+        x[i] + ca.DM(chord) * trig(x[2] + ca.DM(half)) for i, trig in enumerate((ca.cos, ca.sin))
+    )
+    function = ca.Function(
+        "simulate", [x], [ca.horzcat(x[2] + ca.DM(2 * half), east**2 + north**2)]
+    )
     np.testing.assert_allclose(
-        empirical_gramian(function, X0, horizon=T), empirical_gramian(simulate, X0, horizon=T), rtol=1e-9
+        empirical_gramian(function, X0, horizon=T),
+        empirical_gramian(simulate, X0, horizon=T),
+        rtol=1e-9,
     )  # rounding 2e-16 over 1e-5
 
 
 def test_many_controls_in_one_simulation_are_many_gramians():
     rates = np.linspace(-2, 2, 5)
-    W = empirical_gramian(lambda x0: arc_outputs(np.broadcast_to(x0, (5, 3)), rates, TIMES), X0, horizon=T)
+    W = empirical_gramian(
+        lambda x0: arc_outputs(np.broadcast_to(x0, (5, 3)), rates, TIMES), X0, horizon=T
+    )
     for k, rate in enumerate(rates):
         one = empirical_gramian(lambda x0, rate=rate: arc_outputs(x0, rate, TIMES), X0, horizon=T)
         np.testing.assert_allclose(W[k], one, rtol=1e-9)
@@ -96,13 +134,19 @@ def test_sum_rule_is_the_gramian_of_the_observability_matrix_of_pybounds():
         warnings.simplefilter("ignore")  # do_mpc, which it imports, warns of parts not installed
         import pybounds
     O = pybounds.EmpiricalObservabilityMatrix(Arcs(), X0, np.full((21, 1), RATE), eps=1e-5).O  # noqa: E741
-    np.testing.assert_allclose(empirical_gramian(simulate, X0, horizon=T, rule="sum"), O.T @ O, rtol=1e-12)
-    F = exact_gramian(unicycle, squared_range, n=3, m=1, steps=20, substeps=40, rule="sum").factor(X0, np.full((1, 1), RATE), horizon=T)
+    np.testing.assert_allclose(
+        empirical_gramian(simulate, X0, horizon=T, rule="sum"), O.T @ O, rtol=1e-12
+    )
+    F = exact_gramian(unicycle, squared_range, n=3, m=1, steps=20, substeps=40, rule="sum").factor(
+        X0, np.full((1, 1), RATE), horizon=T
+    )
     np.testing.assert_allclose(F, O, atol=1e-9)  # (dt/40)^4 = 4e-11; their epsilon² = 1e-10
 
 
 def test_output_that_is_not_finite_gives_nan():
-    assert np.isnan(empirical_gramian(lambda x0: np.nan * x0[:, None] + np.full((3, 1), np.nan), X0, horizon=T)).all()
+    assert np.isnan(
+        empirical_gramian(lambda x0: np.nan * x0[:, None] + np.full((3, 1), np.nan), X0, horizon=T)
+    ).all()
 
 
 @pytest.mark.parametrize(
@@ -110,7 +154,10 @@ def test_output_that_is_not_finite_gives_nan():
     [
         ({"epsilon": 0.0}, "epsilon must be positive, got 0.0"),
         ({"epsilon": np.array([1e-5, np.nan, 1e-5])}, "epsilon must be positive"),
-        ({"simulate": lambda x0: x0}, r"shape \(samples, outputs\), got \(3,\); one output is a column"),
+        (
+            {"simulate": lambda x0: x0},
+            r"shape \(samples, outputs\), got \(3,\); one output is a column",
+        ),
         ({"rule": "euler"}, "rule must be one of"),
         ({"horizon": -1.0}, "horizon must be positive"),
         ({"R": np.eye(3)}, "R must be 2 x 2"),

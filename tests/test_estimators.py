@@ -23,8 +23,13 @@ class LinearSensor:
 
 def updated(sensor, n=4):
     """The update as a Function of mean, covariance, measurement and beacon."""
-    x, P, z, beacon = ca.SX.sym("x", n), ca.SX.sym("P", n, n), ca.SX.sym("z"), ca.SX.sym("beacon", 2)
-    ekf = Ekf(f=lambda x, u: x, Q=ca.DM.zeros(n, n))  # noqa: ARG005
+    x, P, z, beacon = (
+        ca.SX.sym("x", n),
+        ca.SX.sym("P", n, n),
+        ca.SX.sym("z"),
+        ca.SX.sym("beacon", 2),
+    )
+    ekf = Ekf(f=lambda x, u: x, Q=ca.DM.zeros(n, n))
     return ca.Function("update", [x, P, z, beacon], list(ekf.update(x, P, z, sensor, beacon)))
 
 
@@ -41,9 +46,21 @@ def test_filter_of_a_linear_system_is_the_kalman_filter_of_pykalman(seed):
     Q, P0, sigma = positive(rng, 3, 0.1), positive(rng, 3), 0.7
     x0, u, z = rng.normal(size=3), rng.normal(size=(40, 2)), rng.normal(size=40)
 
-    ekf, sensor = Ekf(f=lambda x, u: ca.DM(A) @ x + ca.DM(B) @ u, Q=ca.DM(Q)), LinearSensor(tuple(C), sigma)
-    x, P, control, measured = ca.SX.sym("x", 3), ca.SX.sym("P", 3, 3), ca.SX.sym("u", 2), ca.SX.sym("z")
-    step = ca.Function("step", [x, P, control, measured], list(ekf.update(*ekf.predict(x, P, control), measured, sensor, ca.SX(0))))
+    ekf, sensor = (
+        Ekf(f=lambda x, u: ca.DM(A) @ x + ca.DM(B) @ u, Q=ca.DM(Q)),
+        LinearSensor(tuple(C), sigma),
+    )
+    x, P, control, measured = (
+        ca.SX.sym("x", 3),
+        ca.SX.sym("P", 3, 3),
+        ca.SX.sym("u", 2),
+        ca.SX.sym("z"),
+    )
+    step = ca.Function(
+        "step",
+        [x, P, control, measured],
+        list(ekf.update(*ekf.predict(x, P, control), measured, sensor, ca.SX(0))),
+    )
     means, covariances = [x0], [P0]
     for k in range(40):
         mean, covariance = step(means[-1], covariances[-1], u[k], z[k])
@@ -59,7 +76,9 @@ def test_filter_of_a_linear_system_is_the_kalman_filter_of_pykalman(seed):
         initial_state_mean=x0,
         initial_state_covariance=P0,
     )
-    unmeasured = np.ma.masked_array(np.append(0.0, z), mask=[True] + [False] * 40)[:, None]  # nothing is measured at time 0
+    unmeasured = np.ma.masked_array(np.append(0.0, z), mask=[True] + [False] * 40)[
+        :, None
+    ]  # nothing is measured at time 0
     their_means, their_covariances = theirs.filter(unmeasured)
     np.testing.assert_allclose(means, their_means, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(covariances, their_covariances, rtol=1e-10, atol=1e-10)
@@ -70,10 +89,16 @@ def test_update_is_the_conditional_gaussian_of_mean_and_measurement():
     x, P, beacon, z, sigma = rng.normal(size=4), positive(rng, 4), np.array([4.0, -3.0]), 4.4, 0.5
     away = x[:2] - beacon
     H = np.array([*away / np.hypot(*away), 0.0, 0.0])
-    joint = np.block([[P, (P @ H)[:, None]], [(H @ P)[None, :], np.array([[H @ P @ H + sigma**2]])]])
+    joint = np.block(
+        [[P, (P @ H)[:, None]], [(H @ P)[None, :], np.array([[H @ P @ H + sigma**2]])]]
+    )
     mean, covariance = updated(Range(sigma=sigma))(x, P, z, beacon)
-    np.testing.assert_allclose(np.linalg.inv(covariance.full()), np.linalg.inv(joint)[:4, :4], rtol=1e-9)  # Schur complement
-    np.testing.assert_allclose(mean.full().ravel(), x + joint[:4, 4] / joint[4, 4] * (z - np.hypot(*away)), rtol=1e-12)
+    np.testing.assert_allclose(
+        np.linalg.inv(covariance.full()), np.linalg.inv(joint)[:4, :4], rtol=1e-9
+    )  # Schur complement
+    np.testing.assert_allclose(
+        mean.full().ravel(), x + joint[:4, 4] / joint[4, 4] * (z - np.hypot(*away)), rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("turns", [-3, -1, 0, 1, 2])
@@ -85,22 +110,30 @@ def test_innovation_of_the_heading_does_not_count_whole_turns(turns):
 
 
 def test_innovation_of_a_range_is_not_wrapped():
-    mean, _ = updated(Range(sigma=1e-6))(np.array([10.0, 0.0, 0.0, 0.0]), np.eye(4), 30.0, [0.0, 0.0])
+    mean, _ = updated(Range(sigma=1e-6))(
+        np.array([10.0, 0.0, 0.0, 0.0]), np.eye(4), 30.0, [0.0, 0.0]
+    )
     assert mean.full()[0, 0] == pytest.approx(30.0, abs=1e-6)
 
 
-@pytest.mark.parametrize("sensor", [Range(sigma=1e-3), SquaredRange(sigma=1e-3), Heading(sigma=1e-6)])
+@pytest.mark.parametrize(
+    "sensor", [Range(sigma=1e-3), SquaredRange(sigma=1e-3), Heading(sigma=1e-6)]
+)
 def test_covariance_stays_symmetric_and_positive_after_ten_thousand_precise_updates(sensor):
     rng, count = np.random.default_rng(4), 10_000
     x, P = np.array([0.0, 0.0, 0.5, 1.0]), np.diag([1e4, 1e4, 1.0, 1.0])
     bearing = rng.uniform(-np.pi, np.pi, count)
     beacons = 50.0 * np.stack([np.cos(bearing), np.sin(bearing)])
     z = {"Range": 50.0, "SquaredRange": 2500.0, "Heading": 0.5}[type(sensor).__name__]
-    means, covariances = updated(sensor).mapaccum("all", count, 2)(x, P, np.full((1, count), z), beacons)
+    means, covariances = updated(sensor).mapaccum("all", count, 2)(
+        x, P, np.full((1, count), z), beacons
+    )
     P = covariances.full().T.reshape(count, 4, 4)
     np.testing.assert_array_equal(P, np.swapaxes(P, 1, 2))
     eigenvalues = np.linalg.eigvalsh(P)
-    assert (eigenvalues >= -4 * np.finfo(float).eps * eigenvalues[:, -1:]).all()  # what LAPACK can tell of zero
+    assert (
+        eigenvalues >= -4 * np.finfo(float).eps * eigenvalues[:, -1:]
+    ).all()  # what LAPACK can tell of zero
     assert np.isfinite(means.full()).all()
 
 
@@ -108,8 +141,10 @@ def test_prediction_keeps_the_covariance_symmetric_to_the_last_bit():
     rng = np.random.default_rng(5)
     A, Q, P0 = rng.normal(size=(4, 4)), positive(rng, 4), positive(rng, 4)
     x, P, u = ca.SX.sym("x", 4), ca.SX.sym("P", 4, 4), ca.SX.sym("u", 2)
-    ekf = Ekf(f=lambda x, u: ca.DM(A) @ x, Q=ca.DM(Q))  # noqa: ARG005
-    predicted = ca.Function("predict", [x, P, u], list(ekf.predict(x, P, u)))(np.zeros(4), P0, np.zeros(2))[1].full()
+    ekf = Ekf(f=lambda x, u: ca.DM(A) @ x, Q=ca.DM(Q))
+    predicted = ca.Function("predict", [x, P, u], list(ekf.predict(x, P, u)))(
+        np.zeros(4), P0, np.zeros(2)
+    )[1].full()
     np.testing.assert_array_equal(predicted, predicted.T)
     np.testing.assert_allclose(predicted, A @ P0 @ A.T + Q, rtol=1e-13)
 

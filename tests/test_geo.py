@@ -19,7 +19,10 @@ def ecef(latlon):
     lat, lon = np.radians(latlon[..., 0]), np.radians(latlon[..., 1])
     e2 = F * (2 - F)
     N = A / np.sqrt(1 - e2 * np.sin(lat) ** 2)
-    return np.stack([N * np.cos(lat) * np.cos(lon), N * np.cos(lat) * np.sin(lon), N * (1 - e2) * np.sin(lat)], axis=-1)
+    return np.stack(
+        [N * np.cos(lat) * np.cos(lon), N * np.cos(lat) * np.sin(lon), N * (1 - e2) * np.sin(lat)],
+        axis=-1,
+    )
 
 
 def test_local_axes_are_the_east_and_north_of_textbooks():
@@ -28,14 +31,18 @@ def test_local_axes_are_the_east_and_north_of_textbooks():
     east = [-math.sin(lon), math.cos(lon), 0]
     north = [-math.sin(lat) * math.cos(lon), -math.sin(lat) * math.sin(lon), math.cos(lat)]
     offset = ecef(latlon) - ecef(np.array(ORIGIN))
-    np.testing.assert_allclose(to_local(latlon, ORIGIN), np.column_stack([offset @ east, offset @ north]), atol=1e-6)  # 6e6 m in doubles
+    np.testing.assert_allclose(
+        to_local(latlon, ORIGIN), np.column_stack([offset @ east, offset @ north]), atol=1e-6
+    )  # 6e6 m in doubles
 
 
 def test_distances_from_the_origin_fall_short_of_the_geodesic_by_the_stated_cubic():
     for distance in (500.0, 5e3, 20e3):
         point = to_geographic(np.array([[0.6 * distance, 0.8 * distance]]), ORIGIN)[0]
         geodesic, bearing = vdist(*ORIGIN, *point)
-        assert geodesic - distance == pytest.approx(distance**3 / (6 * 6.371e6**2), rel=0.05, abs=1e-3)  # Vincenty converges to under 1 mm
+        assert geodesic - distance == pytest.approx(
+            distance**3 / (6 * 6.371e6**2), rel=0.05, abs=1e-3
+        )  # Vincenty converges to under 1 mm
         assert bearing == pytest.approx(math.degrees(math.atan2(0.6, 0.8)), abs=0.01)
 
 
@@ -46,9 +53,13 @@ def test_distances_from_the_origin_fall_short_of_the_geodesic_by_the_stated_cubi
     lat=st.floats(-85, 85),
     lon=st.floats(-180, 180),
 )
-def test_round_trip_is_better_than_a_ten_thousandth_of_a_millimetre_within_20_km(radius, angle, lat, lon):
+def test_round_trip_is_better_than_a_ten_thousandth_of_a_millimetre_within_20_km(
+    radius, angle, lat, lon
+):
     xy = radius * np.array([[math.cos(angle), math.sin(angle)]])
-    np.testing.assert_allclose(to_local(to_geographic(xy, (lat, lon)), (lat, lon)), xy, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(
+        to_local(to_geographic(xy, (lat, lon)), (lat, lon)), xy, rtol=0, atol=1e-7
+    )
 
 
 def test_points_of_any_shape_are_converted_alike():

@@ -22,7 +22,10 @@ def test_every_state_under_every_control_equals_one_at_a_time():
     assert W.shape == (4, 5, 3, 3)
     for i, j in np.ndindex(4, 5):
         np.testing.assert_array_equal(W[i, j], gramian(x0[i], u[j], horizon=1.8))
-        np.testing.assert_array_equal(gramian.factor(x0[:, None], u[None], horizon=1.8)[i, j], gramian.factor(x0[i], u[j], horizon=1.8))
+        np.testing.assert_array_equal(
+            gramian.factor(x0[:, None], u[None], horizon=1.8)[i, j],
+            gramian.factor(x0[i], u[j], horizon=1.8),
+        )
     assert gramian(x0[:0], u[0], horizon=1.8).shape == (0, 3, 3)
 
 
@@ -30,14 +33,18 @@ def test_long_horizons_are_rolled_and_equal_the_unrolled():
     x0, u = np.array([1.0, 0.0, np.pi / 2]), np.full((1, 1), 0.7)
     long = exact_gramian(unicycle, squared_range, n=3, m=1, steps=6000)
     assert long.function.n_instructions() < 100 < UNICYCLE_400.function.n_instructions()
-    np.testing.assert_allclose(long(x0, u, horizon=2.0), integral(lambda t: arc_jacobian(x0, 0.7, t), 2.0), rtol=1e-11)
+    np.testing.assert_allclose(
+        long(x0, u, horizon=2.0), integral(lambda t: arc_jacobian(x0, 0.7, t), 2.0), rtol=1e-11
+    )
 
 
 def test_measurement_by_a_table_needs_no_scalar_form():
     grid = np.linspace(-10, 10, 21)
     depth = ca.interpolant("depth", "bspline", [grid], 2 * grid)
-    gramian = exact_gramian(at_rest, lambda t, x, u, p: depth(x[0]), n=2, steps=4)  # noqa: ARG005
-    np.testing.assert_allclose(gramian(np.array([0.3, 1.0]), horizon=2.0), [[8.0, 0.0], [0.0, 0.0]], atol=1e-14)
+    gramian = exact_gramian(at_rest, lambda t, x, u, p: depth(x[0]), n=2, steps=4)
+    np.testing.assert_allclose(
+        gramian(np.array([0.3, 1.0]), horizon=2.0), [[8.0, 0.0], [0.0, 0.0]], atol=1e-14
+    )
 
 
 def test_gradient_through_the_function_equals_finite_differences():
@@ -73,13 +80,15 @@ def test_an_input_that_is_not_finite_spoils_its_own_case_entirely(bad):
 
 
 def test_a_measurement_without_a_derivative_gives_nan_in_every_entry():
-    range_alone = exact_gramian(unicycle, lambda t, x, u, p: ca.norm_2(x[:2]), n=3, m=1, steps=4)  # noqa: ARG005
+    range_alone = exact_gramian(unicycle, lambda t, x, u, p: ca.norm_2(x[:2]), n=3, m=1, steps=4)
     x0 = np.array([[0.0, 0.0, 0.4], [1.0, 0.0, 0.4]])  # the first on the beacon
-    np.testing.assert_array_equal(np.isnan(range_alone(x0, np.ones((1, 1)), horizon=1.0)).all(axis=(1, 2)), [True, False])
+    np.testing.assert_array_equal(
+        np.isnan(range_alone(x0, np.ones((1, 1)), horizon=1.0)).all(axis=(1, 2)), [True, False]
+    )
 
 
 def test_unobservable_heading_without_a_compass_is_rotation_about_the_beacon():
-    range_alone = exact_gramian(unicycle, lambda t, x, u, p: ca.norm_2(x[:2]), n=3, m=1, steps=40)  # noqa: ARG005
+    range_alone = exact_gramian(unicycle, lambda t, x, u, p: ca.norm_2(x[:2]), n=3, m=1, steps=40)
     x0 = np.array([3.0, 1.0, 0.4])
     F = range_alone.factor(x0, np.sin(np.arange(40.0))[:, None], horizon=4.0)
     np.testing.assert_allclose(F @ [-x0[1], x0[0], 1.0], 0, atol=1e-13)
@@ -106,7 +115,7 @@ def test_a_model_that_does_not_fit_is_refused(options, message):
 
 def test_a_measurement_must_be_a_column():
     with pytest.raises(ValueError, match="h must return a column, one row per output, got 1 x 3"):
-        exact_gramian(unicycle, lambda t, x, u, p: x.T, n=3, m=1, steps=4)  # noqa: ARG005
+        exact_gramian(unicycle, lambda t, x, u, p: x.T, n=3, m=1, steps=4)
 
 
 @pytest.mark.parametrize(
@@ -131,7 +140,10 @@ def test_conditions_that_do_not_fit_are_refused(conditions, message):
         gramian(**{"x0": np.zeros(3), "u": np.zeros((4, 1)), "horizon": 1.0} | conditions)
 
 
-@pytest.mark.parametrize(("samples", "horizon", "message"), [(2, 1.0, "at least 3 samples, got 2"), (3, -1.0, "horizon must be positive")])
+@pytest.mark.parametrize(
+    ("samples", "horizon", "message"),
+    [(2, 1.0, "at least 3 samples, got 2"), (3, -1.0, "horizon must be positive")],
+)
 def test_quadrature_that_cannot_be_is_refused(samples, horizon, message):
     with pytest.raises(ValueError, match=message):
         quadrature_weights(samples, horizon, "simpson")

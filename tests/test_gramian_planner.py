@@ -37,12 +37,19 @@ def information(auv, u, *, times=None, horizon, options):
         v = auv.mean[3] * np.array([math.cos(auv.mean[2]), math.sin(auv.mean[2])]) + auv.drift
     at = lambda t: integrand(x, v, POSE[2], u, t, options.get("gramian", "exact"))  # noqa: E731
     tau = options["ping_interval"]
-    total = quad_vec(at, 0, horizon, epsabs=1e-12, epsrel=1e-12)[0] if times is None else tau * sum(at(t) for t in times)
+    total = (
+        quad_vec(at, 0, horizon, epsabs=1e-12, epsrel=1e-12)[0]
+        if times is None
+        else tau * sum(at(t) for t in times)
+    )
     W, square = total[:9].reshape(3, 3), total[9] / horizon
     seen = np.diag([0, 0, horizon])
     if options.get("noise") == "sensor":
         scale = 4 * square if options["ranging_kind"] == "range" else 1.0
-        W, seen = W / (scale * options["sigma"] ** 2 * tau), seen / (options["heading_sigma"] ** 2 * tau)
+        W, seen = (
+            W / (scale * options["sigma"] ** 2 * tau),
+            seen / (options["heading_sigma"] ** 2 * tau),
+        )
     W = W + seen
     return W if options.get("block", "pose") == "pose" else np.linalg.inv(np.linalg.inv(W)[:2, :2])
 
@@ -52,14 +59,24 @@ def brute_force(auvs, options, *, time=0.0, metric="condition-number", aggregate
     horizon, tau, times = options["horizon"], options["ping_interval"], None
     if options.get("sampling") == "pings":
         count = max(3, round(horizon / tau))
-        horizon, times = count * tau, [(math.floor(time / tau) + 1 + k) * tau - time for k in range(count)]
+        horizon, times = (
+            count * tau,
+            [(math.floor(time / tau) + 1 + k) * tau - time for k in range(count)],
+        )
     share = np.array([auv.weight for auv in auvs])
     if options.get("weighting") == "covariance":
         share = share * [np.trace(auv.covariance[:2, :2]) for auv in auvs]
     totals = []
     for u in RATES:
-        spectra = [np.linalg.eigvalsh(information(auv, u, times=times, horizon=horizon, options=options)) for auv in auvs]
-        totals.append(AGGREGATES[aggregate](np.array([METRICS[metric](e) for e in spectra]), share / share.sum()))
+        spectra = [
+            np.linalg.eigvalsh(information(auv, u, times=times, horizon=horizon, options=options))
+            for auv in auvs
+        ]
+        totals.append(
+            AGGREGATES[aggregate](
+                np.array([METRICS[metric](e) for e in spectra]), share / share.sum()
+            )
+        )
     return np.array(totals)
 
 
@@ -67,7 +84,12 @@ def auvs(rng):
     """Three AUVs under way, as sure of their places as may be, the second without a say."""
     for weight in (1.0, 0.0, 2.5):
         mean = np.array([*rng.uniform(-15, 15, 2), rng.uniform(-3, 3), rng.uniform(0.5, 1.5)])
-        yield op.Belief(mean=mean, covariance=np.diag([*10 ** rng.uniform(-1, 2, 2), 0.01, 0.01]), weight=weight, drift=(0.2, -0.1))
+        yield op.Belief(
+            mean=mean,
+            covariance=np.diag([*10 ** rng.uniform(-1, 2, 2), 0.01, 0.01]),
+            weight=weight,
+            drift=(0.2, -0.1),
+        )
 
 
 PINGED = {"sampling": "pings", "motion": "constant-velocity"}
@@ -88,10 +110,21 @@ OPTIONS = [
 
 
 @pytest.mark.parametrize("options", OPTIONS, ids=lambda o: "-".join(map(str, o.values())))
-@pytest.mark.parametrize(("metric", "aggregate"), [("condition-number", "mean"), ("trace-inverse", "rms"), ("smallest-eigenvalue", "max")])
-def test_takes_the_best_candidate_of_brute_force_whatever_it_takes_into_account(options, metric, aggregate):
+@pytest.mark.parametrize(
+    ("metric", "aggregate"),
+    [("condition-number", "mean"), ("trace-inverse", "rms"), ("smallest-eigenvalue", "max")],
+)
+def test_takes_the_best_candidate_of_brute_force_whatever_it_takes_into_account(
+    options, metric, aggregate
+):
     rng = np.random.default_rng(1)
-    options = {"horizon": 11.0, "ping_interval": 3.0, "sigma": 0.7, "ranging_kind": "range", "heading_sigma": 0.05} | options
+    options = {
+        "horizon": 11.0,
+        "ping_interval": 3.0,
+        "sigma": 0.7,
+        "ranging_kind": "range",
+        "heading_sigma": 0.05,
+    } | options
     planner = op.GramianHorizon(CNA, turn_rates=9, metric=metric, aggregate=aggregate, **options)
     for time in (0.0, 7.4, 9.0):
         believed = list(auvs(rng))
@@ -108,7 +141,9 @@ def test_each_of_the_options_changes_what_is_decided():
         believed, (x, y, heading) = list(auvs(rng)), POSE
         plain = op.GramianHorizon(CNA, **common).plan(op.Pose(x, y, heading), believed)
         for i, options in enumerate(OPTIONS):
-            decision = op.GramianHorizon(CNA, **common | options).plan(op.Pose(x, y, heading), believed)
+            decision = op.GramianHorizon(CNA, **common | options).plan(
+                op.Pose(x, y, heading), believed
+            )
             changed[i] += decision.turn_rate != plain.turn_rate
     assert min(changed.values()) > 0
 
@@ -119,13 +154,19 @@ def test_moments_at_pings_are_their_sums_on_arcs_in_complex_numbers():
     for i, u in enumerate(rates):
         times = first + interval * np.arange(5)
         d1, d2, _ = np.array([arc((0.0, 0.0, 0.0), u, 2.0, t) for t in times]).T
-        if abs(u) < 1e-5:  # where that loses digits; the next terms are (u t)^2 / 6 = 4e-11 of these
+        if (
+            abs(u) < 1e-5
+        ):  # where that loses digits; the next terms are (u t)^2 / 6 = 4e-11 of these
             d1, d2 = 2.0 * times, u * times**2
-        for moment, product in zip(moments, (d1**0, d1, d2, d1 * d1, d1 * d2, d2 * d2), strict=True):
+        for moment, product in zip(
+            moments, (d1**0, d1, d2, d1 * d1, d1 * d2, d2 * d2), strict=True
+        ):
             computed = [float(column[i]) for column in moment]
             expected = [interval * np.sum(times**j * product) for j in range(3)]
             np.testing.assert_allclose(computed, expected, rtol=1e-9)
-    with pytest.raises(ValueError, match=r"time between pings must be finite and positive \[s\], got 0.0"):
+    with pytest.raises(
+        ValueError, match=r"time between pings must be finite and positive \[s\], got 0.0"
+    ):
         ping_moments(2.0, rates, first=1.0, interval=0.0, count=3)
     with pytest.raises(ValueError, match="number of pings must be at least 1, got 0"):
         ping_moments(2.0, rates, first=1.0, interval=1.0, count=0)
@@ -137,9 +178,14 @@ def test_moments_at_ever_more_pings_become_integrals():
     errors = []
     for count in (300, 600):
         tau = horizon / count
-        sums = ping_moments(2.0, rates, first=tau / 2, interval=tau, count=count)  # the midpoint rule: of second order
+        sums = ping_moments(
+            2.0, rates, first=tau / 2, interval=tau, count=count
+        )  # the midpoint rule: of second order
         difference = [
-            abs(float(s[j][i]) - exact[j, i]) for s, exact in zip(sums, integrals, strict=True) for j in range(3) for i in range(4)
+            abs(float(s[j][i]) - exact[j, i])
+            for s, exact in zip(sums, integrals, strict=True)
+            for j in range(3)
+            for i in range(4)
         ]
         errors.append(max(difference))
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.02)
@@ -147,32 +193,53 @@ def test_moments_at_ever_more_pings_become_integrals():
 
 @pytest.mark.parametrize("distance", [3.0, 40.0, 600.0])
 def test_with_the_range_sensors_noise_distance_alone_earns_nothing(distance):
-    options = {"horizon": 12.0, "ping_interval": 2.0, "sigma": 0.5, "sampling": "pings", "noise": "sensor", "gramian": "thesis"}
+    options = {
+        "horizon": 12.0,
+        "ping_interval": 2.0,
+        "sigma": 0.5,
+        "sampling": "pings",
+        "noise": "sensor",
+        "gramian": "thesis",
+    }
     auv = op.Belief.at(distance, 0.3 * distance)
     planner = op.GramianHorizon(CNA, metric="log-det", block="position", turn_rates=9, **options)
     decision = planner.plan(op.Pose(0.0, 0.0, 0.2), [auv])
     total = 6 / 0.5**2  # six pings, each 1 / sigma^2 on some line
     assert -decision.score <= 2 * math.log(total / 2) + 1e-9  # split evenly at best
-    raw = op.GramianHorizon(CNA, metric="log-det", block="position", turn_rates=9, **options | {"noise": "unit"})
+    raw = op.GramianHorizon(
+        CNA, metric="log-det", block="position", turn_rates=9, **options | {"noise": "unit"}
+    )
     far, near = raw.plan(op.Pose(-600.0, 0.0, 0.2), [auv]), raw.plan(op.Pose(0.0, 0.0, 0.2), [auv])
-    assert far.score < near.score  # negative control: the raw Gramian of the squared range pays for distance
+    assert (
+        far.score < near.score
+    )  # negative control: the raw Gramian of the squared range pays for distance
 
 
 def test_covariances_that_are_zero_leave_the_weights_as_they_are():
     believed = [op.Belief.at(5.0, 1.0), op.Belief.at(-3.0, 8.0, weight=2.0)]
-    plans = [op.GramianHorizon(CNA, weighting=w).plan(op.Pose(*POSE), believed) for w in ("fixed", "covariance")]
+    plans = [
+        op.GramianHorizon(CNA, weighting=w).plan(op.Pose(*POSE), believed)
+        for w in ("fixed", "covariance")
+    ]
     assert plans[0].score == plans[1].score
 
 
 def test_horizon_is_given_in_seconds_or_circles():
     turn = 2 * np.pi * 5.0 / 2.0
-    for options, seconds in [({}, 2 / 3 * turn), ({"circles": 1.5}, 1.5 * turn), ({"circles": 1.5, "horizon": 7.0}, 7.0)]:
+    for options, seconds in [
+        ({}, 2 / 3 * turn),
+        ({"circles": 1.5}, 1.5 * turn),
+        ({"circles": 1.5, "horizon": 7.0}, 7.0),
+    ]:
         plans = [
-            op.GramianHorizon(CNA, **given).plan(op.Pose(*POSE), [op.Belief.at(9.0, 2.0)]) for given in (options, {"horizon": seconds})
+            op.GramianHorizon(CNA, **given).plan(op.Pose(*POSE), [op.Belief.at(9.0, 2.0)])
+            for given in (options, {"horizon": seconds})
         ]
         assert plans[0].score == pytest.approx(plans[1].score, rel=1e-12)
     assert op.GramianHorizon(CNA, sampling="pings", ping_interval=15.0).look_ahead == 45.0
-    assert op.GramianHorizon(CNA, sampling="pings", ping_interval=0.1, horizon=2.0).look_ahead == pytest.approx(2.0)
+    assert op.GramianHorizon(
+        CNA, sampling="pings", ping_interval=0.1, horizon=2.0
+    ).look_ahead == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize(
@@ -182,9 +249,18 @@ def test_horizon_is_given_in_seconds_or_circles():
         ({"ping_interval": math.nan}, r"ping_interval must be positive and finite \[s\], got nan"),
         ({"sigma": -1.0}, r"sigma must be positive and finite \[m\], got -1.0"),
         ({"heading_sigma": 0.0}, r"heading_sigma must be positive and finite \[rad\], got 0.0"),
-        ({"decision_interval": math.inf}, r"decision_interval must be positive and finite \[s\], got inf"),
-        ({"gramian": "empirical", "sampling": "pings"}, 'gramian "empirical" takes AUVs at rest .*choose "exact"'),
-        ({"gramian": "empirical", "motion": "constant-velocity"}, 'gramian "empirical" takes AUVs at rest .*choose "exact"'),
+        (
+            {"decision_interval": math.inf},
+            r"decision_interval must be positive and finite \[s\], got inf",
+        ),
+        (
+            {"gramian": "empirical", "sampling": "pings"},
+            'gramian "empirical" takes AUVs at rest .*choose "exact"',
+        ),
+        (
+            {"gramian": "empirical", "motion": "constant-velocity"},
+            'gramian "empirical" takes AUVs at rest .*choose "exact"',
+        ),
     ],
 )
 def test_options_that_make_no_sense_are_refused_by_name_and_value(options, message):
@@ -194,10 +270,15 @@ def test_options_that_make_no_sense_are_refused_by_name_and_value(options, messa
 
 def test_scenario_tells_its_sensors():
     mission = scenario(
-        planner={"kind": "gramian"}, ranging={"interval": 3.0, "kind": "squared-range", "sigma": 4.0, "heading_sigma_deg": 2.0}
+        planner={"kind": "gramian"},
+        ranging={"interval": 3.0, "kind": "squared-range", "sigma": 4.0, "heading_sigma_deg": 2.0},
     )
     planner = mission.planner()
-    assert (planner.ping_interval, planner.ranging_kind, planner.sigma) == (3.0, "squared-range", 4.0)
+    assert (planner.ping_interval, planner.ranging_kind, planner.sigma) == (
+        3.0,
+        "squared-range",
+        4.0,
+    )
     assert planner.heading_sigma == pytest.approx(math.radians(2.0))
 
 
@@ -208,9 +289,19 @@ def test_limits_that_bind_nothing_change_nothing():
     rng = np.random.default_rng(3)
     far = Constraints(keep_out=(Disc(x=500.0, y=0.0, radius=10.0),))
     for _ in range(5):
-        believed, pose = list(auvs(rng)), op.Pose(*rng.uniform([-20, -20, -3], [20, 20, 3]).tolist())
-        free, limited = (op.GramianHorizon(CNA, constraints=limits).plan(pose, believed) for limits in (Constraints(), far))
-        assert (limited.turn_rate, limited.score, limited.status) == (free.turn_rate, free.score, free.status)
+        believed, pose = (
+            list(auvs(rng)),
+            op.Pose(*rng.uniform([-20, -20, -3], [20, 20, 3]).tolist()),
+        )
+        free, limited = (
+            op.GramianHorizon(CNA, constraints=limits).plan(pose, believed)
+            for limits in (Constraints(), far)
+        )
+        assert (limited.turn_rate, limited.score, limited.status) == (
+            free.turn_rate,
+            free.score,
+            free.status,
+        )
         np.testing.assert_array_equal(limited.condition, free.condition)
         np.testing.assert_array_equal(limited.path, free.path)
 
@@ -222,28 +313,51 @@ def test_candidate_that_breaks_a_limit_over_the_horizon_is_left_out_where_others
     wall = Constraints(keep_out=(Disc(x=float(there[0]), y=float(there[1]), radius=2.5),))
     decision = op.GramianHorizon(CNA, horizon=10.0, constraints=wall).plan(pose, believed)
     assert decision.status == Status.OPTIMAL
-    along = [arc((0.0, 0.0, 0.0), decision.turn_rate, 2.0, t)[:2] for t in np.linspace(0, 10, 17)[1:]]
+    along = [
+        arc((0.0, 0.0, 0.0), decision.turn_rate, 2.0, t)[:2] for t in np.linspace(0, 10, 17)[1:]
+    ]
     assert min(math.dist(place, there) for place in along) >= 2.5
 
 
 def test_where_no_allowed_candidate_is_regular_the_straightest_is_taken():
     far, ahead = [op.Belief.at(1e9, 0.0)], Constraints(keep_out=(Disc(x=12.0, y=0.0, radius=4.0),))
-    decision = op.GramianHorizon(CNA, constraints=ahead, turn_rates=9).plan(op.Pose(0.0, 0.0, 0.0), far)
+    decision = op.GramianHorizon(CNA, constraints=ahead, turn_rates=9).plan(
+        op.Pose(0.0, 0.0, 0.0), far
+    )
     assert decision.status == Status.UNOBSERVABLE
     assert abs(decision.turn_rate) in RATES[RATES > 0]
 
 
-@pytest.mark.parametrize("options", [{}, {"motion": "constant-velocity", "sampling": "pings", "noise": "sensor", "block": "position"}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {
+            "motion": "constant-velocity",
+            "sampling": "pings",
+            "noise": "sensor",
+            "block": "position",
+        },
+    ],
+)
 def test_keeps_within_its_limits_also_between_decisions(options):
     planner = {"kind": "gramian", "interval": 1.0, "knowledge": "truth", **options}
     free = op.simulate(scenario(planner=planner, duration=80.0))
     (x, y), west = free.cna[80, :2], float(free.cna[:, 0].min()) + 5.0
     fence = [[west, -90.0], [95.0, -90.0], [95.0, 90.0], [west, 90.0]]
     keep_out = [{"x": float(x), "y": float(y), "radius": 8.0}]
-    run = op.simulate(scenario(planner=planner, constraints={"keep_out": keep_out, "geofence": fence}, duration=80.0))
+    run = op.simulate(
+        scenario(
+            planner=planner, constraints={"keep_out": keep_out, "geofence": fence}, duration=80.0
+        )
+    )
     violation = lambda place: max(8.0 - math.dist(place, (x, y)), west - place[0])  # noqa: E731
     places = [
-        [arc(pose, turn, 2.0, t)[:2] for pose, turn in zip(r.cna[:-1], r.turn_rate, strict=False) for t in np.linspace(0, 0.5, 11)]
+        [
+            arc(pose, turn, 2.0, t)[:2]
+            for pose, turn in zip(r.cna[:-1], r.turn_rate, strict=False)
+            for t in np.linspace(0, 0.5, 11)
+        ]
         for r in (run, free)
     ]
     worst, unlimited = (max(map(violation, at)) for at in places)

@@ -67,7 +67,9 @@ def test_singular_prior_and_noise_give_the_conditional_covariance(rank_P, rank_Q
     rng = np.random.default_rng(rank_P + 10 * rank_Q)
     P0, F, Q, H, R = random_system(rng, rank_P=rank_P, rank_Q=rank_Q)
     P = posterior_cramer_rao(P0, F, Q, H.swapaxes(1, 2) @ H / R)
-    np.testing.assert_allclose(P[-1], covariance_by_conditioning(P0, F, Q, H, R), rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(
+        P[-1], covariance_by_conditioning(P0, F, Q, H, R), rtol=1e-7, atol=1e-9
+    )
     if rank_P == rank_Q == 0:
         np.testing.assert_array_equal(P, 0.0)
 
@@ -83,8 +85,12 @@ def test_information_of_any_rank_enters_whole(rank):
 
 def test_information_far_greater_than_the_prior_leaves_a_positive_covariance():
     u = np.array([[0.6], [0.8]])
-    P = posterior_cramer_rao(100.0 * np.eye(2), np.eye(2)[None], np.zeros((2, 2)), 1e10 * (u @ u.T)[None])[-1]
-    assert u.T @ P @ u == pytest.approx(1e-10, rel=1e-2, abs=1e-12)  # rounding: 100 eps, against the 1e-10 that is right
+    P = posterior_cramer_rao(
+        100.0 * np.eye(2), np.eye(2)[None], np.zeros((2, 2)), 1e10 * (u @ u.T)[None]
+    )[-1]
+    assert u.T @ P @ u == pytest.approx(
+        1e-10, rel=1e-2, abs=1e-12
+    )  # rounding: 100 eps, against the 1e-10 that is right
     assert np.linalg.eigvalsh(P)[0] > -1e-13
 
 
@@ -97,8 +103,14 @@ def test_leading_axes_are_vehicles_and_noise_is_one_matrix_or_one_per_step():
     both = posterior_cramer_rao(P0, F, Q, J)
     assert both.shape == (2, 10, 4, 4)
     for i in range(2):
-        np.testing.assert_array_equal(both[i], posterior_cramer_rao(P0[i], F, np.broadcast_to(Q, (9, 4, 4)), J))
-    np.testing.assert_allclose(position_rms(both)[1], math.sqrt(np.mean([np.trace(p[:2, :2]) for p in both[1]])), rtol=1e-14)
+        np.testing.assert_array_equal(
+            both[i], posterior_cramer_rao(P0[i], F, np.broadcast_to(Q, (9, 4, 4)), J)
+        )
+    np.testing.assert_allclose(
+        position_rms(both)[1],
+        math.sqrt(np.mean([np.trace(p[:2, :2]) for p in both[1]])),
+        rtol=1e-14,
+    )
 
 
 def test_steps_without_information_must_still_be_given():
@@ -110,7 +122,9 @@ def test_path_information_over_a_long_horizon_solves_the_lyapunov_equation():
     A, C = np.array([[0.9, 0.2], [0.0, 0.7]]), np.array([[1.0, 0.5]])
     steps = 400  # 0.9^800 = 2e-37
     W = path_information(np.broadcast_to(A, (steps, 2, 2)), np.broadcast_to(C.T @ C, (steps, 2, 2)))
-    np.testing.assert_allclose(W, ct.dlyap(A.T, A.T @ C.T @ C @ A), rtol=1e-11)  # python-control; the first measurement comes after a step
+    np.testing.assert_allclose(
+        W, ct.dlyap(A.T, A.T @ C.T @ C @ A), rtol=1e-11
+    )  # python-control; the first measurement comes after a step
 
 
 def test_path_information_without_process_noise_is_what_the_prior_gains():
@@ -120,7 +134,10 @@ def test_path_information_without_process_noise_is_what_the_prior_gains():
     Phi = np.linalg.multi_dot(F[::-1])
     expected = Phi @ smoothed @ Phi.T
     np.testing.assert_allclose(
-        posterior_cramer_rao(P0, F, np.zeros((4, 4)), J)[-1], expected, rtol=1e-7, atol=1e-9 * np.abs(expected).max()
+        posterior_cramer_rao(P0, F, np.zeros((4, 4)), J)[-1],
+        expected,
+        rtol=1e-7,
+        atol=1e-9 * np.abs(expected).max(),
     )
 
 
@@ -135,8 +152,12 @@ def test_ranges_from_an_arc_have_the_closed_form_eigenvalues(degrees, condition)
     beacon = target + 30.0 * np.column_stack([np.cos(bearing), np.sin(bearing)])
     eigenvalues = np.linalg.eigvalsh(range_information(beacon, target, sigma).sum(axis=0))
     share = abs(math.sin(phi)) / (2 * phi)
-    np.testing.assert_allclose(eigenvalues, N / sigma**2 * np.array([0.5 - share, 0.5 + share]), rtol=1e-8)
-    assert eigenvalues[1] / eigenvalues[0] == pytest.approx(condition, abs=0.05 if degrees == 30 else 0.005)
+    np.testing.assert_allclose(
+        eigenvalues, N / sigma**2 * np.array([0.5 - share, 0.5 + share]), rtol=1e-8
+    )
+    assert eigenvalues[1] / eigenvalues[0] == pytest.approx(
+        condition, abs=0.05 if degrees == 30 else 0.005
+    )
 
 
 def surface_circle(radius, depth, N=360):
@@ -174,10 +195,15 @@ HORIZONTAL = ("horizontal", lambda J: J[0, 0])
     ],
     ids=lambda value: value[0] if isinstance(value, tuple) else str(value),
 )
-def test_the_best_circle_over_a_submerged_target_has_the_radius_of_the_closed_form(criterion, proportional, best):
+def test_the_best_circle_over_a_submerged_target_has_the_radius_of_the_closed_form(
+    criterion, proportional, best
+):
     depth, step = 20.0, 1e-3
     ratios = np.arange(0.5, 2.0, step)
-    scores = [criterion[1](slant_information(ratio * depth, depth, proportional=proportional)) for ratio in ratios]
+    scores = [
+        criterion[1](slant_information(ratio * depth, depth, proportional=proportional))
+        for ratio in ratios
+    ]
     assert ratios[np.argmax(scores)] == pytest.approx(best, abs=step)
 
 
@@ -202,14 +228,23 @@ def test_information_is_the_curvature_of_the_expected_log_likelihood():
         (lambda p: np.hypot(*(beacon - p).T), range_information),
         (lambda p: np.sum((beacon - p) ** 2, axis=1), squared_range_information),
     ):
-        slope = np.column_stack([(measure(target + e) - measure(target - e)) / (2 * h) for e in h * np.eye(2)])
-        np.testing.assert_allclose(information(beacon, target, 0.3), slope[:, :, None] * slope[:, None, :] / 0.09, rtol=1e-6, atol=1e-6)
+        slope = np.column_stack(
+            [(measure(target + e) - measure(target - e)) / (2 * h) for e in h * np.eye(2)]
+        )
+        np.testing.assert_allclose(
+            information(beacon, target, 0.3),
+            slope[:, :, None] * slope[:, None, :] / 0.09,
+            rtol=1e-6,
+            atol=1e-6,
+        )
 
 
 def test_a_squared_range_is_worth_a_range_of_sigma_over_twice_the_distance():
     beacon, target = np.array([[30.0, 40.0], [0.0, -7.0]]), np.zeros(2)
     np.testing.assert_allclose(
-        squared_range_information(beacon, target, 3.0), range_information(beacon, target, 3.0 / (2 * np.array([50.0, 7.0]))), rtol=1e-13
+        squared_range_information(beacon, target, 3.0),
+        range_information(beacon, target, 3.0 / (2 * np.array([50.0, 7.0]))),
+        rtol=1e-13,
     )
 
 

@@ -10,7 +10,14 @@ from scipy.stats import ttest_rel
 
 import formulations.manoeuvre_search as search
 import obsplan as op
-from formulations.manoeuvre_search import Ranging, Stages, ping_stages, range_update, search_manoeuvres, turn_candidates
+from formulations.manoeuvre_search import (
+    Ranging,
+    Stages,
+    ping_stages,
+    range_update,
+    search_manoeuvres,
+    turn_candidates,
+)
 from formulations.solution import Status
 from obsplan.planners.information import manoeuvre_path, predicted_tracks
 
@@ -22,7 +29,11 @@ def planner(**options):
 
 
 def belief(x, y, sigma=2.0, **change):
-    return op.Belief(mean=np.array([x, y, 0.3, 0.0]), covariance=np.diag([sigma**2, sigma**2, 1e-4, 1e-4]), **change)
+    return op.Belief(
+        mean=np.array([x, y, 0.3, 0.0]),
+        covariance=np.diag([sigma**2, sigma**2, 1e-4, 1e-4]),
+        **change,
+    )
 
 
 # What it searches
@@ -30,23 +41,47 @@ def belief(x, y, sigma=2.0, **change):
 
 def test_tracks_follow_the_course_where_it_is_known_and_else_the_velocity():
     def corner(t):
-        return np.stack([np.minimum(t, 4.0), np.maximum(t - 4.0, 0.0)], axis=-1)  # east for 4 s, then north, 1 m/s
+        return np.stack(
+            [np.minimum(t, 4.0), np.maximum(t - 4.0, 0.0)], axis=-1
+        )  # east for 4 s, then north, 1 m/s
 
     known = belief(0.0, 0.0, course=corner, drift=(0.2, 0.0))
-    guessed = op.Belief(mean=np.array([5.0, 1.0, 0.3, 1.5]), covariance=np.eye(4), drift=(0.0, -0.1))
+    guessed = op.Belief(
+        mean=np.array([5.0, 1.0, 0.3, 1.5]), covariance=np.eye(4), drift=(0.0, -0.1)
+    )
     tracks = predicted_tracks([known, guessed], Stages(np.array([3.0, 2.0, 5.0]), np.ones(3)))
     np.testing.assert_allclose(tracks.position[:, 0], [[3, 0], [4, 1], [4, 6]])
     velocity = np.array([1.5 * math.cos(0.3), 1.5 * math.sin(0.3) - 0.1])
-    np.testing.assert_allclose(tracks.position[:, 1], [5, 1] + np.array([[3.0], [5.0], [10.0]]) * velocity)
+    np.testing.assert_allclose(
+        tracks.position[:, 1], [5, 1] + np.array([[3.0], [5.0], [10.0]]) * velocity
+    )
     np.testing.assert_allclose(tracks.speed[:, 1], 1.5)
     np.testing.assert_allclose(tracks.heading[:, 1], 0.3)
-    np.testing.assert_allclose(tracks.speed[:, 0], [0.8, math.hypot(0.3, 0.5), math.hypot(0.2, 1.0)])  # through the water
-    np.testing.assert_allclose(tracks.heading[:, 0], [0.0, math.atan2(0.5, 0.3), math.atan2(1.0, -0.2)])
+    np.testing.assert_allclose(
+        tracks.speed[:, 0], [0.8, math.hypot(0.3, 0.5), math.hypot(0.2, 1.0)]
+    )  # through the water
+    np.testing.assert_allclose(
+        tracks.heading[:, 0], [0.0, math.atan2(0.5, 0.3), math.atan2(1.0, -0.2)]
+    )
 
 
 def test_decision_is_the_first_turn_of_the_search_it_describes():
-    pose, auvs = op.Pose(10.0, -4.0, 0.8), [belief(0.0, 0.0, 2.0, process_noise=(0.1, 0.02, 0.03)), belief(25.0, 6.0, 1.0, weight=3.0)]
-    mine = planner(horizon=12.0, stages=4, turn_rates=5, beam_width=9, criterion="log-det", ranging_kind="squared-range", sigma=7.0)
+    pose, auvs = (
+        op.Pose(10.0, -4.0, 0.8),
+        [
+            belief(0.0, 0.0, 2.0, process_noise=(0.1, 0.02, 0.03)),
+            belief(25.0, 6.0, 1.0, weight=3.0),
+        ],
+    )
+    mine = planner(
+        horizon=12.0,
+        stages=4,
+        turn_rates=5,
+        beam_width=9,
+        criterion="log-det",
+        ranging_kind="squared-range",
+        sigma=7.0,
+    )
     stages = ping_stages(5.0, 2.0, 12.0, 4)
     found = search_manoeuvres(
         np.array([10.0, -4.0, 0.8]),
@@ -62,7 +97,11 @@ def test_decision_is_the_first_turn_of_the_search_it_describes():
         beam_width=9,
     )
     decision = mine.plan(pose, auvs, time=5.0)
-    assert (decision.turn_rate, decision.score, decision.status) == (found.turn_rates[0], found.score, Status.OPTIMAL)
+    assert (decision.turn_rate, decision.score, decision.status) == (
+        found.turn_rates[0],
+        found.score,
+        Status.OPTIMAL,
+    )
     flown = [np.array([10.0, -4.0, 0.8])]
     for turn, duration in zip(found.turn_rates, stages.duration, strict=True):
         flown.append(arc(flown[-1], turn, 2.0, duration))
@@ -77,9 +116,14 @@ def test_survey_known_ahead_is_planned_for():
     ahead = np.array([0.0, 5.0, 30.0])
     for time, _, auvs, _ in spy.said:
         for auv, reference in zip(auvs, mission.references, strict=True):
-            np.testing.assert_allclose(auv.ahead(ahead), reference.position(time + ahead), atol=1e-9)
+            np.testing.assert_allclose(
+                auv.ahead(ahead), reference.position(time + ahead), atol=1e-9
+            )
     _, pose, auvs, decision = spy.said[5]  # one second before the corner
-    straight = [op.Belief(mean=auv.mean, covariance=auv.covariance, process_noise=auv.process_noise) for auv in auvs]
+    straight = [
+        op.Belief(mean=auv.mean, covariance=auv.covariance, process_noise=auv.process_noise)
+        for auv in auvs
+    ]
     assert mission.planner().plan(pose, straight, time=5.0).score != decision.score
 
 
@@ -89,7 +133,11 @@ def test_survey_known_ahead_is_planned_for():
         ("ping_interval", 0.0, r"ping_interval must be positive and finite \[s\], got 0.0"),
         ("sigma", math.nan, r"sigma must be positive and finite \[m\], got nan"),
         ("horizon", math.inf, r"horizon must be positive and finite \[s\], got inf"),
-        ("decision_interval", -1.0, r"decision_interval must be positive and finite \[s\], got -1.0"),
+        (
+            "decision_interval",
+            -1.0,
+            r"decision_interval must be positive and finite \[s\], got -1.0",
+        ),
         ("turn_rates", 6, "turn_rates must be odd and at least 3, straight on and pairs, got 6"),
         ("turn_rates", 1, "turn_rates must be odd and at least 3, straight on and pairs, got 1"),
         ("stages", 0, "stages must be at least 1, got 0"),
@@ -125,7 +173,10 @@ def closest(auv, start, steps=60):
 
 def test_keeps_its_distance_from_an_auv_that_is_not_sure_of_its_place(monkeypatch):
     starts = [(30.0, 0.0, 2.5), (0.0, -25.0, 0.5), (-20.0, 15.0, -0.5)]
-    sure, unsure = ([closest(belief(0.0, 0.0, sigma), np.array(start)) for start in starts] for sigma in (0.1, 6.0))
+    sure, unsure = (
+        [closest(belief(0.0, 0.0, sigma), np.array(start)) for start in starts]
+        for sigma in (0.1, 6.0)
+    )
     assert np.median(unsure) > np.median(sure) + 2.0
     assert min(unsure) > 6.0  # one standard deviation
     assert range_update is search.range_update
@@ -136,12 +187,19 @@ def test_keeps_its_distance_from_an_auv_that_is_not_sure_of_its_place(monkeypatc
 
 
 @pytest.mark.parametrize(
-    "change", [{"drift": (math.nan, 0.0)}, {"process_noise": (math.nan, 0.0, 0.0)}, {"covariance": np.full((4, 4), np.nan)}]
+    "change",
+    [
+        {"drift": (math.nan, 0.0)},
+        {"process_noise": (math.nan, 0.0, 0.0)},
+        {"covariance": np.full((4, 4), np.nan)},
+    ],
 )
 def test_beliefs_that_are_no_numbers_are_said_to_be_so(change):
     cna = op.Unicycle(speed=2.0, min_turn_radius=5.0)
     auv = replace(op.Belief.at(30.0, 0.0, speed=1.0, covariance=np.eye(4)), **change)
-    decision = op.InformationHorizon(cna, ping_interval=2.0, sigma=1.0).plan(op.Pose(0.0, 0.0, 0.0), [auv])
+    decision = op.InformationHorizon(cna, ping_interval=2.0, sigma=1.0).plan(
+        op.Pose(0.0, 0.0, 0.0), [auv]
+    )
     assert decision.status == Status.INVALID_INPUT
     assert decision.turn_rate == 0.0
 
@@ -151,8 +209,13 @@ def test_beliefs_that_are_no_numbers_are_said_to_be_so(change):
 
 def between(run, points=11):
     """Time and position on the arcs of every step, in complex numbers."""
-    for k, (pose, turn, speed) in enumerate(zip(run.cna[:-1], run.turn_rate, run.speed, strict=False)):
-        yield from ((run.time[k] + t, arc(pose, turn, speed, t)[:2]) for t in np.linspace(0.0, run.time[k + 1] - run.time[k], points))
+    for k, (pose, turn, speed) in enumerate(
+        zip(run.cna[:-1], run.turn_rate, run.speed, strict=False)
+    ):
+        yield from (
+            (run.time[k] + t, arc(pose, turn, speed, t)[:2])
+            for t in np.linspace(0.0, run.time[k + 1] - run.time[k], points)
+        )
 
 
 @pytest.mark.slow
@@ -160,14 +223,28 @@ def between(run, points=11):
 def test_keeps_out_and_within_the_fence_also_between_decisions(knowledge, interval):
     options = {"kind": "information", "interval": interval, "knowledge": knowledge}
     free = op.simulate(scenario(planner=options, duration=80.0))
-    (x, y), square = free.cna[80, :2], np.array([[0, 0], [9, 0], [9, 9], [0, 9]])  # where it would like to be after 40 s
+    (x, y), square = (
+        free.cna[80, :2],
+        np.array([[0, 0], [9, 0], [9, 9], [0, 9]]),
+    )  # where it would like to be after 40 s
     corner, west = free.cna[120, :2] - 4.0, float(free.cna[:, 0].min()) + 5.0
     fence = [[west, -90.0], [95.0, -90.0], [95.0, 90.0], [west, 90.0]]
-    keep_out = [{"x": float(x), "y": float(y), "radius": 8.0}, {"points": (corner + square).tolist()}]
-    run = op.simulate(scenario(planner=options, constraints={"keep_out": keep_out, "geofence": fence}, duration=80.0))
+    keep_out = [
+        {"x": float(x), "y": float(y), "radius": 8.0},
+        {"points": (corner + square).tolist()},
+    ]
+    run = op.simulate(
+        scenario(
+            planner=options, constraints={"keep_out": keep_out, "geofence": fence}, duration=80.0
+        )
+    )
 
     def violation(place):
-        return max(8.0 - math.dist(place, (x, y)), min(*(place - corner), *(corner + 9.0 - place)), west - place[0])
+        return max(
+            8.0 - math.dist(place, (x, y)),
+            min(*(place - corner), *(corner + 9.0 - place)),
+            west - place[0],
+        )
 
     assert max(violation(place) for _, place in between(run)) < 1e-3
     assert not (run.status == Status.VIOLATED).any()
@@ -175,14 +252,38 @@ def test_keeps_out_and_within_the_fence_also_between_decisions(knowledge, interv
 
 
 def test_keeps_its_separation_from_auvs_whose_survey_it_knows():
-    quiet = {f"auv__{i}__process_noise": {"position": 0.0, "heading_deg": 0.0, "speed": 0.0} for i in (0, 1)}
-    quiet |= {f"auv__{i}__first_estimate": {"sigma_position": 1e-3, "sigma_heading_deg": 1e-3, "sigma_speed": 1e-4} for i in (0, 1)}
-    start = {"speed": 2.0, "min_turn_radius": 5.0, "start": {"x": 30.0, "y": -30.0, "heading_deg": 140.0}}
-    common = {"planner": {"kind": "information", "interval": 1.0, "knowledge": "survey"}, "cna": start, "duration": 60.0, **quiet}
+    quiet = {
+        f"auv__{i}__process_noise": {"position": 0.0, "heading_deg": 0.0, "speed": 0.0}
+        for i in (0, 1)
+    }
+    quiet |= {
+        f"auv__{i}__first_estimate": {
+            "sigma_position": 1e-3,
+            "sigma_heading_deg": 1e-3,
+            "sigma_speed": 1e-4,
+        }
+        for i in (0, 1)
+    }
+    start = {
+        "speed": 2.0,
+        "min_turn_radius": 5.0,
+        "start": {"x": 30.0, "y": -30.0, "heading_deg": 140.0},
+    }
+    common = {
+        "planner": {"kind": "information", "interval": 1.0, "knowledge": "survey"},
+        "cna": start,
+        "duration": 60.0,
+        **quiet,
+    }
     limited = scenario(constraints={"min_separation": 15.0, "max_separation": 60.0}, **common)
     runs = [op.simulate(mission) for mission in (limited, scenario(**common))]
     distances, free = (
-        [math.dist(place, auv.position(np.array([time]))[0]) for time, place in between(run) for auv in limited.references] for run in runs
+        [
+            math.dist(place, auv.position(np.array([time]))[0])
+            for time, place in between(run)
+            for auv in limited.references
+        ]
+        for run in runs
     )
     assert min(distances) >= 15.0 - 1e-3
     assert max(distances) <= 60.0 + 1e-3
@@ -208,7 +309,14 @@ def test_from_within_a_keep_out_it_says_so_and_leaves():
 @pytest.mark.slow
 def test_beats_path_inertia_in_the_harbour_under_the_same_noise():
     rms = {
-        kind: [op.simulate("harbor-survey", planner=kind, seed=seed).rms_error for seed in range(1, 6)]
+        kind: [
+            op.simulate("harbor-survey", planner=kind, seed=seed).rms_error for seed in range(1, 6)
+        ]
         for kind in ("information", "path-inertia")
     }
-    assert ttest_rel(np.log(rms["information"]), np.log(rms["path-inertia"]), alternative="less").pvalue < 0.05
+    assert (
+        ttest_rel(
+            np.log(rms["information"]), np.log(rms["path-inertia"]), alternative="less"
+        ).pvalue
+        < 0.05
+    )

@@ -17,7 +17,11 @@ CURRENT = (0.4, -0.3)
 
 def spied(knowledge, **change):
     """A run, and what its planner was told at each decision."""
-    mission = scenario(planner={"kind": "path-inertia", "interval": 0.5, "knowledge": knowledge}, environment__current=CURRENT, **change)
+    mission = scenario(
+        planner={"kind": "path-inertia", "interval": 0.5, "knowledge": knowledge},
+        environment__current=CURRENT,
+        **change,
+    )
     spy = Spy(mission.planner())
     run = op.simulate(mission, planner=spy)
     assert [time for time, *_ in spy.said] == run.time[:-1].tolist()
@@ -44,7 +48,9 @@ def test_estimate_is_the_last_report_dead_reckoned_since():
             np.testing.assert_allclose(auv.mean, last_report(run, i, k).x, atol=1e-12)
             _, _, heading, speed = auv.mean
             velocity = speed * np.array([np.cos(heading), np.sin(heading)]) + CURRENT
-            np.testing.assert_allclose(auv.ahead(AHEAD), auv.mean[:2] + AHEAD[:, None] * velocity, atol=1e-12)
+            np.testing.assert_allclose(
+                auv.ahead(AHEAD), auv.mean[:2] + AHEAD[:, None] * velocity, atol=1e-12
+            )
             assert auv.process_noise == pytest.approx((0.05, np.deg2rad(0.5), 0.02))
             assert auv.weight == (1.0, 3.0)[i]
             assert auv.drift == CURRENT
@@ -58,13 +64,22 @@ def test_estimate_and_survey_is_the_last_report_dead_reckoned_with_the_turns_fil
             ping = k - k % 4
             x, y, heading, speed = run.mean[i, ping]
             for step in range(ping, k):
-                x, y = x + 0.5 * (speed * math.cos(heading) + CURRENT[0]), y + 0.5 * (speed * math.sin(heading) + CURRENT[1])
-                water = np.diff(reference.position(run.time[step] + np.array([0.5, 1.0])), axis=0)[0] / 0.5 - CURRENT
+                x, y = (
+                    x + 0.5 * (speed * math.cos(heading) + CURRENT[0]),
+                    y + 0.5 * (speed * math.sin(heading) + CURRENT[1]),
+                )
+                water = (
+                    np.diff(reference.position(run.time[step] + np.array([0.5, 1.0])), axis=0)[0]
+                    / 0.5
+                    - CURRENT
+                )
                 heading, speed = math.atan2(*water[::-1]), math.hypot(*water)
             np.testing.assert_allclose(auv.mean[:2], [x, y], atol=1e-9)
             straight = max(straight, math.dist(auv.mean[:2], last_report(run, i, k).x[:2]))
             ahead = reference.position(run.time[k] + AHEAD)
-            np.testing.assert_allclose(auv.ahead(AHEAD), auv.mean[:2] + ahead - ahead[0], atol=1e-12)
+            np.testing.assert_allclose(
+                auv.ahead(AHEAD), auv.mean[:2] + ahead - ahead[0], atol=1e-12
+            )
     assert straight > 0.5  # by which dead reckoning straight on misses a turn filed
 
 
@@ -80,9 +95,13 @@ def test_survey_is_the_plan_filed_before_the_dive():
     run, told = spied("survey")
     for k, auvs in enumerate(told):
         for auv, reference in zip(auvs, run.scenario.references, strict=True):
-            np.testing.assert_allclose(auv.ahead(AHEAD), reference.position(run.time[k] + AHEAD), atol=1e-12)
+            np.testing.assert_allclose(
+                auv.ahead(AHEAD), reference.position(run.time[k] + AHEAD), atol=1e-12
+            )
             np.testing.assert_allclose(auv.mean[:2], auv.ahead(AHEAD)[0], atol=1e-12)
-    assert not np.allclose(told[-1][0].mean[:2], run.truth[0, -2, :2], atol=1e-3)  # which process noise has left
+    assert not np.allclose(
+        told[-1][0].mean[:2], run.truth[0, -2, :2], atol=1e-3
+    )  # which process noise has left
 
 
 def test_truth_is_the_truth_now_and_the_rest_of_the_survey_from_there():
@@ -92,7 +111,9 @@ def test_truth_is_the_truth_now_and_the_rest_of_the_survey_from_there():
             np.testing.assert_array_equal(auv.mean, truth[k])
             np.testing.assert_allclose(auv.ahead(AHEAD)[0], truth[k, :2], atol=1e-12)
             ahead = reference.position(run.time[k] + AHEAD)
-            np.testing.assert_allclose(np.diff(auv.ahead(AHEAD), axis=0), np.diff(ahead, axis=0), atol=1e-12)
+            np.testing.assert_allclose(
+                np.diff(auv.ahead(AHEAD), axis=0), np.diff(ahead, axis=0), atol=1e-12
+            )
 
 
 @dataclass(frozen=True)
@@ -104,21 +125,43 @@ class Echo:
     def plan(self, pose, auvs, *, time=0.0):
         told = [time, pose.x, pose.y, pose.heading, pose.turn_rate]
         for auv in auvs:
-            told += [*auv.mean, *auv.drift, auv.covariance[0, 0], auv.covariance[0, 1], auv.covariance[1, 1], auv.weight]
+            told += [
+                *auv.mean,
+                *auv.drift,
+                auv.covariance[0, 0],
+                auv.covariance[0, 1],
+                auv.covariance[1, 1],
+                auv.weight,
+            ]
         path = np.array([[pose.x, pose.y, pose.heading]])
-        return op.Decision(turn_rate=0.1, speed=1.0, path=path, score=float(told[self.thing]), status=Status.OPTIMAL)
+        return op.Decision(
+            turn_rate=0.1,
+            speed=1.0,
+            path=path,
+            score=float(told[self.thing]),
+            status=Status.OPTIMAL,
+        )
 
     def expression(self, time, pose, targets):
-        auvs = ca.vertcat(targets.mean, targets.drift, targets.position_covariance, targets.weight.T)
+        auvs = ca.vertcat(
+            targets.mean, targets.drift, targets.position_covariance, targets.weight.T
+        )
         told = ca.vertcat(time, pose, ca.vec(auvs))
-        return Command(ca.SX(0.1), ca.SX(1.0), told[self.thing], ca.SX.nan(1, 2), ca.SX(float(Status.OPTIMAL)))
+        return Command(
+            ca.SX(0.1), ca.SX(1.0), told[self.thing], ca.SX.nan(1, 2), ca.SX(float(Status.OPTIMAL))
+        )
 
 
 @pytest.mark.parametrize("knowledge", ["estimate", "estimate-and-survey", "survey", "truth"])
 def test_planner_inside_the_step_is_told_what_one_outside_is(knowledge):
-    mission = scenario(planner__knowledge=knowledge, environment__current=CURRENT, auv__1__weight=3.0, duration=5.0)
+    mission = scenario(
+        planner__knowledge=knowledge, environment__current=CURRENT, auv__1__weight=3.0, duration=5.0
+    )
     for thing in range(25):
-        inside, outside = op.simulate(mission, planner=Echo(thing)), op.simulate(mission, planner=Spy(Echo(thing)))
+        inside, outside = (
+            op.simulate(mission, planner=Echo(thing)),
+            op.simulate(mission, planner=Spy(Echo(thing))),
+        )
         assert inside.timing.decision_seconds == []
         np.testing.assert_array_equal(inside.score, outside.score)
 

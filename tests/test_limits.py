@@ -16,12 +16,18 @@ from obsplan.planners.limits import expected, within_limits
 SQUARE = Polygon(points=((-40.0, -40.0), (40.0, -40.0), (40.0, 40.0), (-40.0, 40.0)))
 CNA = op.Unicycle(speed=2.0, min_turn_radius=5.0)
 HERE = op.Pose(0.0, 0.0, 0.0)
-IGNORANT = [name for name in PLANNERS if name not in ("information", "gramian", "trajectory", "whole-mission")]
+IGNORANT = [
+    name
+    for name in PLANNERS
+    if name not in ("information", "gramian", "trajectory", "whole-mission")
+]
 
 
 def kept(wanted, pose, auvs=(), **limits):
     """The manoeuvre flown in place of one that is wanted."""
-    return within_limits(wanted, pose, list(auvs), cna=CNA, constraints=Constraints(**limits), interval=2.0)
+    return within_limits(
+        wanted, pose, list(auvs), cna=CNA, constraints=Constraints(**limits), interval=2.0
+    )
 
 
 def wanted(turn_rate=0.0, speed=2.0):
@@ -35,19 +41,31 @@ def test_manoeuvre_that_breaks_nothing_is_flown_as_it_is():
 
 
 def test_nearest_turn_that_breaks_nothing_is_flown_and_the_status_says_so():
-    ahead = Disc(x=8.5, y=0.0, radius=2.0)  # straight on leads to 4 m, from where neither circle of 5 m clears it
+    ahead = Disc(
+        x=8.5, y=0.0, radius=2.0
+    )  # straight on leads to 4 m, from where neither circle of 5 m clears it
     decision = kept(wanted(0.02), HERE, keep_out=(ahead,))
     assert decision.status == Status.LIMITED
     left = np.linspace(0.4, -0.4, 21)
     free = []
     for turn in left:
         x, y, heading = arc((0.0, 0.0, 0.0), turn, 2.0, 2.0)
-        on_the_way = min(math.dist(arc((0.0, 0.0, 0.0), turn, 2.0, t)[:2], (8.5, 0.0)) for t in np.linspace(0.0, 2.0, 50)) > 2.0
-        sides = [(x - s * 5.0 * math.sin(heading), y + s * 5.0 * math.cos(heading)) for s in (1, -1)]
+        on_the_way = (
+            min(
+                math.dist(arc((0.0, 0.0, 0.0), turn, 2.0, t)[:2], (8.5, 0.0))
+                for t in np.linspace(0.0, 2.0, 50)
+            )
+            > 2.0
+        )
+        sides = [
+            (x - s * 5.0 * math.sin(heading), y + s * 5.0 * math.cos(heading)) for s in (1, -1)
+        ]
         if on_the_way and max(math.dist(side, (8.5, 0.0)) for side in sides) > 7.0 + 0.5:
             free.append(turn)
     assert decision.turn_rate in left
-    assert min(free, key=lambda turn: abs(turn - 0.02)) == pytest.approx(decision.turn_rate, abs=0.05)  # a candidate more or less: margins
+    assert min(free, key=lambda turn: abs(turn - 0.02)) == pytest.approx(
+        decision.turn_rate, abs=0.05
+    )  # a candidate more or less: margins
     assert abs(decision.turn_rate) > 0.04
     np.testing.assert_allclose(decision.path[0], [0.0, 0.0, 0.0])
     assert (decision.path[1, 2] - decision.path[0, 2]) * decision.turn_rate > 0
@@ -79,11 +97,16 @@ def test_a_keep_out_is_never_the_price_of_a_separation_that_cannot_be_kept():
 def test_numbers_that_are_none_and_no_auv_at_all_are_taken_as_they_come():
     nowhere = op.Belief.at(math.nan, 0.0)
     assert kept(wanted(), op.Pose(math.nan, 0.0, 0.0), geofence=SQUARE).status == Status.OPTIMAL
-    assert kept(wanted(), HERE, [nowhere], geofence=SQUARE, min_separation=5.0).status == Status.OPTIMAL
+    assert (
+        kept(wanted(), HERE, [nowhere], geofence=SQUARE, min_separation=5.0).status
+        == Status.OPTIMAL
+    )
     assert kept(wanted(), HERE, min_separation=5.0).status == Status.OPTIMAL
     unsure = op.Belief.at(0.0, 0.0, covariance=np.full((4, 4), math.nan))
     assert expected([unsure])[1] == [0.0]
-    assert kept(wanted(speed=0.0), HERE, [unsure], min_separation=5.0).status == Status.VIOLATED  # on top of it
+    assert (
+        kept(wanted(speed=0.0), HERE, [unsure], min_separation=5.0).status == Status.VIOLATED
+    )  # on top of it
 
 
 def test_room_is_three_standard_deviations_of_the_worst_direction():
@@ -97,7 +120,9 @@ def test_room_is_three_standard_deviations_of_the_worst_direction():
 def test_separation_is_kept_farther_from_an_auv_that_is_not_sure_of_its_place():
     near = op.Belief.at(13.2, 0.0, covariance=np.eye(4) * 0.01)
     assert kept(wanted(), HERE, [near], min_separation=5.0).status == Status.OPTIMAL
-    unsure = replace(near, covariance=np.eye(4) * 1.5**2)  # 4 m straight on, 9.2 m are left of 5 + 4.5; turning, 9.7 m
+    unsure = replace(
+        near, covariance=np.eye(4) * 1.5**2
+    )  # 4 m straight on, 9.2 m are left of 5 + 4.5; turning, 9.7 m
     assert kept(wanted(), HERE, [unsure], min_separation=5.0).status == Status.LIMITED
 
 
@@ -123,13 +148,28 @@ def test_planners_that_know_no_limits_are_kept_within_them_between_decisions_too
     fence = [[60.0, -60.0], [110.0, -60.0], [110.0, -5.0], [60.0, -5.0]]
     limits = {"geofence": fence, "keep_out": [{"x": 95.0, "y": -15.0, "radius": 6.0}]}
     options = {"kind": name, **({"start_on_circle": False} if name == "circle" else {})}
-    free, run = (op.simulate(scenario(planner=options, duration=60.0, **more)) for more in ({}, {"constraints": limits}))
+    free, run = (
+        op.simulate(scenario(planner=options, duration=60.0, **more))
+        for more in ({}, {"constraints": limits})
+    )
 
     def worst(run):
         steps = zip(run.cna[:-1], run.turn_rate, run.speed, strict=False)
-        places = np.array([arc(pose, turn, speed, t)[:2] for pose, turn, speed in steps for t in np.linspace(0.0, 0.5, 6)])
+        places = np.array(
+            [
+                arc(pose, turn, speed, t)[:2]
+                for pose, turn, speed in steps
+                for t in np.linspace(0.0, 0.5, 6)
+            ]
+        )
         x, y = places.T
-        return max((60 - x).max(), (x - 110).max(), (-60 - y).max(), (y + 5).max(), (6.0 - np.hypot(x - 95.0, y + 15.0)).max())
+        return max(
+            (60 - x).max(),
+            (x - 110).max(),
+            (-60 - y).max(),
+            (y + 5).max(),
+            (6.0 - np.hypot(x - 95.0, y + 15.0)).max(),
+        )
 
     assert worst(run) < 1e-3
     assert run.planner == name
@@ -149,7 +189,9 @@ def test_a_planner_made_without_the_scenarios_limits_is_kept_within_them_too():
 
 
 def test_a_vehicle_at_rest_needs_no_circle_to_turn_on():
-    pool = Polygon(points=((-4.0, -4.0), (4.0, -4.0), (4.0, 4.0), (-4.0, 4.0)))  # too small for a circle of 5 m
+    pool = Polygon(
+        points=((-4.0, -4.0), (4.0, -4.0), (4.0, 4.0), (-4.0, 4.0))
+    )  # too small for a circle of 5 m
     assert kept(wanted(speed=0.0), HERE, geofence=pool).status == Status.OPTIMAL
     assert kept(wanted(speed=0.1), HERE, geofence=pool).status == Status.VIOLATED
 
@@ -166,10 +208,18 @@ def test_a_users_planner_is_kept_within_limits_and_one_that_knows_them_is_left_a
         def plan(self, pose, auvs, *, time=0.0):  # noqa: ARG002
             return op.Decision(turn_rate=0.0, speed=2.0)
 
-    mission = scenario(constraints={"keep_out": [{"x": 40.0, "y": 4.0, "radius": 10.0}]}, duration=30.0)
+    mission = scenario(
+        constraints={"keep_out": [{"x": 40.0, "y": 4.0, "radius": 10.0}]}, duration=30.0
+    )
     assert Status.LIMITED.label in op.simulate(mission, planner=Straight()).status_counts
-    aware = scenario(constraints={"keep_out": [{"x": 40.0, "y": 4.0, "radius": 10.0}]}, planner={"kind": "gramian"}, duration=30.0)
+    aware = scenario(
+        constraints={"keep_out": [{"x": 40.0, "y": 4.0, "radius": 10.0}]},
+        planner={"kind": "gramian"},
+        duration=30.0,
+    )
     spy = Spy(aware.planner())
     run = op.simulate(aware)
-    assert recording(op.simulate(aware, planner=spy)) == recording(run)  # kept, though it need not be
+    assert recording(op.simulate(aware, planner=spy)) == recording(
+        run
+    )  # kept, though it need not be
     assert Status.LIMITED.label not in run.status_counts

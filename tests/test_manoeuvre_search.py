@@ -55,7 +55,11 @@ def test_prediction_solves_the_lyapunov_equation_without_noise_on_the_heading():
         def rate(_t, p, A=A, Q=Q):
             return (A @ p.reshape(4, 4) + p.reshape(4, 4) @ A.T + Q).ravel()
 
-        integrated = solve_ivp(rate, (0, duration), P.ravel(), method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1].reshape(4, 4)
+        integrated = (
+            solve_ivp(rate, (0, duration), P.ravel(), method="DOP853", rtol=1e-12, atol=1e-12)
+            .y[:, -1]
+            .reshape(4, 4)
+        )
         answer = predicted(P, heading, speed, noise, duration)
         np.testing.assert_allclose(answer, integrated, rtol=1e-9, atol=1e-10)
         assert answer[2, 2] == P[2, 2]
@@ -67,14 +71,21 @@ def test_prediction_is_van_loans_matrix_exponential():
     A, Q = drift_of(0.7, 1.3), np.diag(noise**2 * [1, 1, 0, 1])
     block = expm(np.block([[-A, Q], [np.zeros((4, 4)), A.T]]) * duration)  # Van Loan 1978, eq. 1.3
     F = block[4:, 4:].T
-    np.testing.assert_allclose(predicted(P, 0.7, 1.3, noise, duration), F @ P @ F.T + F @ block[:4, 4:], rtol=1e-12)
+    np.testing.assert_allclose(
+        predicted(P, 0.7, 1.3, noise, duration), F @ P @ F.T + F @ block[:4, 4:], rtol=1e-12
+    )
 
 
 # Ranges
 
 
 def updated(P, x, sigma=1.0, pings=1.0, squared=False):
-    return range_update(P[None, None, None], np.asarray(x, dtype=float)[None, None, None], Ranging(sigma, squared), pings)[0, 0, 0]
+    return range_update(
+        P[None, None, None],
+        np.asarray(x, dtype=float)[None, None, None],
+        Ranging(sigma, squared),
+        pings,
+    )[0, 0, 0]
 
 
 @pytest.mark.parametrize("squared", [False, True])
@@ -91,7 +102,9 @@ def test_ranges_add_information_along_the_line_of_sight(squared):
             across = np.array([-x[1], x[0]]) / d
             H, R = axis / d, sigma**2 / pings + 0.75 * (across @ C @ across / d) ** 2
         expected = np.linalg.inv(np.linalg.inv(P) + np.outer(H, H) / R)
-        np.testing.assert_allclose(updated(P, x, sigma, pings, squared), expected, rtol=1e-7, atol=1e-9)
+        np.testing.assert_allclose(
+            updated(P, x, sigma, pings, squared), expected, rtol=1e-7, atol=1e-9
+        )
 
 
 @pytest.mark.parametrize("squared", [False, True])
@@ -103,11 +116,15 @@ def test_second_order_error_is_that_of_sampled_ranges(squared):
     P[:2, :2] = half @ half.T
     e = rng.standard_normal((samples, 2)) @ half.T
     away, d = x + e, 10.0
-    left_out = np.sum(away**2, axis=1) - 100 - 2 * e @ x if squared else np.hypot(*away.T) - d - e @ x / d
+    left_out = (
+        np.sum(away**2, axis=1) - 100 - 2 * e @ x if squared else np.hypot(*away.T) - d - e @ x / d
+    )
     H = np.array([*(2 * x if squared else x / d), 0.0, 0.0])
     gained = P - updated(P, x, sigma=1e-9, squared=squared)
     along = H @ P @ H
-    variance = along**2 / (H @ gained @ H) - along  # what the update took for the variance of its range
+    variance = (
+        along**2 / (H @ gained @ H) - along
+    )  # what the update took for the variance of its range
     # the fourth moment's standard error is at most sqrt(96/9 / samples) = 0.33 %; terms left out are (0.3 / 10)^2 = 0.1 % of it
     assert variance == pytest.approx(np.mean(left_out**2), rel=4 * 0.0033 + 0.002)
 
@@ -129,7 +146,10 @@ def test_close_to_an_uncertain_auv_a_range_is_worth_less():
 # Stages and candidates
 
 
-@pytest.mark.parametrize(("time", "first"), [(0.0, 15.0), (1.0, 14.0), (14.5, 0.5), (15.0, 15.0), (44.0, 1.0), (45.0, 15.0)])
+@pytest.mark.parametrize(
+    ("time", "first"),
+    [(0.0, 15.0), (1.0, 14.0), (14.5, 0.5), (15.0, 15.0), (44.0, 1.0), (45.0, 15.0)],
+)
 def test_stages_end_at_pings_where_these_are_rare(time, first):
     stages = ping_stages(time, 15.0, 20.0, 6)
     np.testing.assert_allclose(stages.duration, [first, *[15.0] * 5], rtol=1e-12)
@@ -167,7 +187,11 @@ def problem(rng, auvs=2, stages=3):
     return {
         "pose": np.array([*rng.uniform(-15, 15, 2), rng.uniform(-3, 3)]),
         "covariance": np.array([positive_definite(rng, 0.8) for _ in range(auvs)]),
-        "tracks": Tracks(rng.uniform(-15, 15, (stages, auvs, 2)), rng.uniform(-3, 3, (stages, auvs)), rng.uniform(0, 2, (stages, auvs))),
+        "tracks": Tracks(
+            rng.uniform(-15, 15, (stages, auvs, 2)),
+            rng.uniform(-3, 3, (stages, auvs)),
+            rng.uniform(0, 2, (stages, auvs)),
+        ),
         "process_noise": rng.uniform(0.01, 0.2, (auvs, 4)),
         "weights": rng.uniform(0.5, 2, auvs),
         "stages": Stages(duration, rng.uniform(1, 5, stages)),
@@ -201,7 +225,10 @@ def cost_of(given, turns, criterion="trace"):
             x = place - given["tracks"].position[s, i]
             d = math.hypot(*x)
             across = np.array([-x[1], x[0]]) / d
-            R = given["ranging"].sigma ** 2 / pings[s] + 0.75 * (across @ P[:2, :2] @ across / d) ** 2
+            R = (
+                given["ranging"].sigma ** 2 / pings[s]
+                + 0.75 * (across @ P[:2, :2] @ across / d) ** 2
+            )
             H = np.array([*x, 0, 0]) / d
             P = np.linalg.inv(np.linalg.inv(P) + np.outer(H, H) / R)
             value = np.trace(P[:2, :2]) if criterion == "trace" else np.linalg.slogdet(P[:2, :2])[1]
@@ -214,7 +241,10 @@ def test_full_beam_finds_the_best_of_all_sequences(criterion):
     rng = np.random.default_rng(6)
     for _ in range(3):
         given = problem(rng)
-        costs = {turns: cost_of(given, turns, criterion) for turns in itertools.product(given["turn_rates"], repeat=3)}
+        costs = {
+            turns: cost_of(given, turns, criterion)
+            for turns in itertools.product(given["turn_rates"], repeat=3)
+        }
         best = min(costs, key=costs.get)
         found = search_manoeuvres(**given, criterion=criterion, beam_width=5**3)
         assert tuple(found.turn_rates) == best
@@ -235,9 +265,14 @@ def test_narrow_beam_says_what_its_sequence_costs_and_loses_little():
 
 
 def test_of_equals_the_left_turn_is_taken():
-    given = problem(np.random.default_rng(8), auvs=1) | {"pose": np.zeros(3), "covariance": np.diag([4.0, 4.0, 0.0, 0.0])[None]}
+    given = problem(np.random.default_rng(8), auvs=1) | {
+        "pose": np.zeros(3),
+        "covariance": np.diag([4.0, 4.0, 0.0, 0.0])[None],
+    }
     ahead = np.broadcast_to(np.array([20.0, 0.0]), (3, 1, 2))
-    found = search_manoeuvres(**given | {"tracks": Tracks(ahead, np.zeros((3, 1)), np.zeros((3, 1)))}, beam_width=125)
+    found = search_manoeuvres(
+        **given | {"tracks": Tracks(ahead, np.zeros((3, 1)), np.zeros((3, 1)))}, beam_width=125
+    )
     turning = found.turn_rates[found.turn_rates != 0]
     assert turning[0] > 0
 
@@ -245,7 +280,9 @@ def test_of_equals_the_left_turn_is_taken():
 def test_weights_count_relative_to_each_other_and_zero_not_at_all():
     rng = np.random.default_rng(9)
     given = problem(rng)
-    plain, scaled = (search_manoeuvres(**given | {"weights": given["weights"] * factor}) for factor in (1.0, 8.0))
+    plain, scaled = (
+        search_manoeuvres(**given | {"weights": given["weights"] * factor}) for factor in (1.0, 8.0)
+    )
     assert scaled.score == pytest.approx(plain.score, rel=1e-12)
     np.testing.assert_array_equal(scaled.turn_rates, plain.turn_rates)
     alone = {key: given[key][:1] for key in ("covariance", "process_noise", "weights")}
@@ -257,14 +294,22 @@ def test_weights_count_relative_to_each_other_and_zero_not_at_all():
 
 
 def test_auv_on_the_way_makes_nothing_that_is_no_number():
-    given = problem(np.random.default_rng(10), auvs=1) | {"pose": np.zeros(3), "stages": Stages(np.full(3, 2.0), np.ones(3))}
+    given = problem(np.random.default_rng(10), auvs=1) | {
+        "pose": np.zeros(3),
+        "stages": Stages(np.full(3, 2.0), np.ones(3)),
+    }
     under = np.array([[[4.0, 0.0]], [[8.0, 0.0]], [[12.0, 0.0]]])
-    found = search_manoeuvres(**given | {"tracks": Tracks(under, np.zeros((3, 1)), np.zeros((3, 1)))}, beam_width=125)
+    found = search_manoeuvres(
+        **given | {"tracks": Tracks(under, np.zeros((3, 1)), np.zeros((3, 1)))}, beam_width=125
+    )
     assert np.isfinite(found.score)
 
 
 def test_known_position_has_a_finite_log_determinant():
-    given = problem(np.random.default_rng(11)) | {"covariance": np.zeros((2, 4, 4)), "process_noise": np.zeros((2, 4))}
+    given = problem(np.random.default_rng(11)) | {
+        "covariance": np.zeros((2, 4, 4)),
+        "process_noise": np.zeros((2, 4)),
+    }
     assert np.isfinite(search_manoeuvres(**given, criterion="log-det").score)
 
 
@@ -277,7 +322,9 @@ def test_sequences_that_break_limits_are_taken_last_and_the_first_turn_counts_mo
     free = search_manoeuvres(**given, beam_width=125)
     banned = (given["turn_rates"] == free.turn_rates[0]).astype(float)
     other = search_manoeuvres(**given, beam_width=125, first_violation=banned)
-    costs = {turns: cost_of(given, turns) for turns in itertools.product(given["turn_rates"], repeat=3)}
+    costs = {
+        turns: cost_of(given, turns) for turns in itertools.product(given["turn_rates"], repeat=3)
+    }
     allowed = {turns: cost for turns, cost in costs.items() if turns[0] != free.turn_rates[0]}
     assert tuple(other.turn_rates) == min(allowed, key=allowed.get)
     assert other.first_violation == 0.0
@@ -291,14 +338,18 @@ def test_first_turn_counts_more_than_what_comes_of_it():
     given = problem(np.random.default_rng(14))
     heading, left = given["pose"][2], given["turn_rates"] > 0
 
-    def right_at_first(positions, times):  # forbidden: whatever is not to the left, during the first stage
+    def right_at_first(
+        positions, times
+    ):  # forbidden: whatever is not to the left, during the first stage
         aside = (positions - given["pose"][:2]) @ [-math.sin(heading), math.cos(heading)]
         return np.where((aside < 1e-9) & (times <= given["stages"].duration[0]), 1.0, -1.0)
 
     found = search_manoeuvres(**given, beam_width=125, violation=right_at_first)
     assert found.turn_rates[0] > 0
     assert found.violation == 0.0
-    found = search_manoeuvres(**given, beam_width=125, violation=right_at_first, first_violation=0.1 * left)
+    found = search_manoeuvres(
+        **given, beam_width=125, violation=right_at_first, first_violation=0.1 * left
+    )
     assert found.turn_rates[0] <= 0
     assert (found.first_violation, found.violation) == (0.0, 1.0)
 
@@ -308,7 +359,9 @@ def test_first_turn_counts_more_than_what_comes_of_it():
 def test_sequences_that_are_not_looked_at_are_not_among_the_best(count, share):
     rng, fewer = np.random.default_rng(int(100 * share) + count), 0
     for _ in range(50):
-        first, inherited, broken = (np.where(rng.random(100) < share, rng.integers(0, 3, 100), 0.0) for _ in range(3))
+        first, inherited, broken = (
+            np.where(rng.random(100) < share, rng.integers(0, 3, 100), 0.0) for _ in range(3)
+        )
         cost, looked = rng.integers(0, 30, 100) / 30.0, []
 
         def look(these, looked=looked, broken=broken):
@@ -335,7 +388,9 @@ def test_violation_of_a_sequence_is_the_worst_along_its_arcs():
 
     found = search_manoeuvres(**given, beam_width=125, violation=wall)
     ends = np.cumsum(given["stages"].duration)
-    expected = np.concatenate([start + LOOKS * (end - start) for start, end in itertools.pairwise([0, *ends])])
+    expected = np.concatenate(
+        [start + LOOKS * (end - start) for start, end in itertools.pairwise([0, *ends])]
+    )
     np.testing.assert_allclose(looked, expected)
 
     def worst(turns):

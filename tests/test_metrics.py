@@ -49,7 +49,9 @@ def symbolic_score(name, W, **options):
 
 
 @every_metric
-@pytest.mark.parametrize("spectrum", [(4.0,), (3.0, 2.0), (5.0, 0.25, 2.0), (1.0, 1.0, 1.0), (7.0, 3.0, 2.0, 1e-3)])
+@pytest.mark.parametrize(
+    "spectrum", [(4.0,), (3.0, 2.0), (5.0, 0.25, 2.0), (1.0, 1.0, 1.0), (7.0, 3.0, 2.0, 1e-3)]
+)
 def test_score_is_the_definition_on_a_known_spectrum(name, spectrum):
     assert score(name, matrix(spectrum)) == pytest.approx(by_definition(name, spectrum), rel=1e-11)
 
@@ -59,7 +61,9 @@ def test_metrics_carry_the_sense_that_score_removes():
     assert metrics.smallest_eigenvalue(W) == pytest.approx(0.5)
     assert metrics.log_det(W) == pytest.approx(np.log(5.0))
     for name, metric in METRICS.items():
-        assert score(name, W) == pytest.approx(metric.function(W) if metric.larger_is_worse else -metric.function(W))
+        assert score(name, W) == pytest.approx(
+            metric.function(W) if metric.larger_is_worse else -metric.function(W)
+        )
 
 
 @every_metric
@@ -124,11 +128,17 @@ def test_expression_keeps_the_digits_of_the_square_root_factor(name, exponents, 
     expected = by_definition(name, spectrum, 0.5)
     logarithmic = name in ("log-det", "blend")
     got = symbolic_score(name, W, blend_weight=0.5)[0]
-    assert got == pytest.approx(expected, rel=0 if logarithmic else tolerance, abs=3 * tolerance if logarithmic else 0)
+    assert got == pytest.approx(
+        expected, rel=0 if logarithmic else tolerance, abs=3 * tolerance if logarithmic else 0
+    )
 
 
 def test_expression_sees_a_condition_number_of_1e8_to_one_in_a_million():
-    got = [symbolic_score("condition-number", matrix((1.0, middle, 1e-8), seed))[0] for seed in range(50) for middle in (0.99, 1e-4, 1e-8)]
+    got = [
+        symbolic_score("condition-number", matrix((1.0, middle, 1e-8), seed))[0]
+        for seed in range(50)
+        for middle in (0.99, 1e-4, 1e-8)
+    ]
     np.testing.assert_allclose(got, 1e8, rtol=1e-6)
 
 
@@ -154,13 +164,17 @@ def test_schur_complement_by_expression_equals_numpy():
     W = np.stack([matrix((3.0, 1.0, 0.1 * (k + 1)), seed=k) for k in range(6)])
     s11, s12, s22 = (s.full().ravel() for s in position_schur_expression(entries(W)))
     S = position_schur_complement(W)
-    np.testing.assert_allclose(np.stack([s11, s12, s22]), [S[:, 0, 0], S[:, 0, 1], S[:, 1, 1]], rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(
+        np.stack([s11, s12, s22]), [S[:, 0, 0], S[:, 0, 1], S[:, 1, 1]], rtol=1e-12, atol=1e-14
+    )
 
 
 def test_nuisance_that_no_output_sees_costs_nothing():
     W = np.diag([2.0, 3.0, 0.0, 5.0])
     W[0, 3] = W[3, 0] = 1.0
-    np.testing.assert_allclose(position_schur_complement(W), np.diag([2.0 - 1.0 / 5.0, 3.0]), atol=1e-15)
+    np.testing.assert_allclose(
+        position_schur_complement(W), np.diag([2.0 - 1.0 / 5.0, 3.0]), atol=1e-15
+    )
     s11, s12, s22 = position_schur_expression(entries(np.diag([2.0, 3.0, 0.0])[None]))
     assert (float(s11), float(s12), float(s22)) == (2.0, 0.0, 3.0)
 
@@ -194,7 +208,10 @@ def test_what_a_large_nuisance_leaves_is_judged_against_what_it_took(weak):
         J[0, weak], J[1, 1 - weak], J[1, 2] = 0.03, *strong
         W = J.T @ J
         assert score("condition-number", position_schur_complement(W)) == np.inf
-        assert score_expression("condition-number", position_schur_expression(entries(W[None]))) == np.inf
+        assert (
+            score_expression("condition-number", position_schur_expression(entries(W[None])))
+            == np.inf
+        )
 
 
 def test_position_without_information_of_its_own_has_a_singular_complement_not_noise():
@@ -203,7 +220,10 @@ def test_position_without_information_of_its_own_has_a_singular_complement_not_n
         v = np.random.default_rng(seed).normal(size=3)
         W = np.outer(v, v)
         assert score("condition-number", position_schur_complement(W)) == np.inf
-        assert score_expression("condition-number", position_schur_expression(entries(W[None]))) == np.inf
+        assert (
+            score_expression("condition-number", position_schur_expression(entries(W[None])))
+            == np.inf
+        )
 
 
 def test_complement_of_a_singular_gramian_is_singular():
@@ -212,7 +232,9 @@ def test_complement_of_a_singular_gramian_is_singular():
         J = np.random.default_rng(seed).normal(size=(2, 3))
         W = J.T @ J
         assert score("condition-number", position_schur_complement(W)) > 1e13
-        assert score_expression("condition-number", position_schur_expression(entries(W[None]))) > 1e13
+        assert (
+            score_expression("condition-number", position_schur_expression(entries(W[None]))) > 1e13
+        )
 
 
 def test_not_finite_gramian_has_no_position_information():
@@ -232,7 +254,9 @@ def test_weakest_direction_is_named():
 
 def test_bad_input_is_refused_with_its_value():
     W = np.eye(3)
-    with pytest.raises(ValueError, match="metric 'kappa' is not known; choose one of condition-number"):
+    with pytest.raises(
+        ValueError, match="metric 'kappa' is not known; choose one of condition-number"
+    ):
         score("kappa", W)
     with pytest.raises(ValueError, match="blend weight must be finite and at least 0, got -1"):
         score("blend", W, blend_weight=-1.0)

@@ -12,23 +12,35 @@ from pymavlink.mavwp import MAVWPLoader
 
 from obsplan import geo
 from obsplan.files import write_atomically
-from obsplan.missions import Mission, read_mission, write_geojson, write_waypoints
+from obsplan.missions import Mission, Track, read_mission, write_geojson, write_waypoints
 from obsplan.types import ObsplanError
 
 ORIGIN = (47.629, -122.337)
 TRACK = [(47.629, -122.337), (47.631, -122.337), (47.631, -122.336)]
-SPIRAL = np.array([((10 + t) * math.cos(t), (10 + t) * math.sin(t)) for t in np.linspace(0, 30, 3000)])
+SPIRAL = np.array(
+    [((10 + t) * math.cos(t), (10 + t) * math.sin(t)) for t in np.linspace(0, 30, 3000)]
+)
 
 
 def one(latlon, name="cna"):
     """A mission of one geographic track."""
-    return Mission(tracks={name: latlon}, geographic=True)
+    return Mission(tracks={name: Track(points=latlon)}, geographic=True)
 
 
 def test_gdal_reads_our_geojson_back(tmp_path):
     path = tmp_path / "path.geojson"
     spiral = geo.to_geographic(SPIRAL, ORIGIN)
-    write_geojson(path, Mission(tracks={"cna": spiral, "alpha": np.array(TRACK), "still": np.array(TRACK[:1])}, geographic=True))
+    write_geojson(
+        path,
+        Mission(
+            tracks={
+                "cna": Track(points=spiral),
+                "alpha": Track(points=np.array(TRACK)),
+                "still": Track(points=np.array(TRACK[:1])),
+            },
+            geographic=True,
+        ),
+    )
     meta, _, geometry, fields = pyogrio.raw.read(path)
     assert meta["crs"] == "EPSG:4326"
     assert fields[list(meta["fields"]).index("name")].tolist() == ["cna", "alpha", "still"]
@@ -39,11 +51,17 @@ def test_gdal_reads_our_geojson_back(tmp_path):
 
 
 def test_what_geojson_writes_it_reads(tmp_path):
-    mission = Mission(tracks={"cna": geo.to_geographic(SPIRAL, ORIGIN), "älpha": np.array(TRACK)}, geographic=True)
+    mission = Mission(
+        tracks={
+            "cna": Track(points=geo.to_geographic(SPIRAL, ORIGIN)),
+            "älpha": Track(points=np.array(TRACK)),
+        },
+        geographic=True,
+    )
     write_geojson(tmp_path / "a.geojson", mission)
     back = read_mission(tmp_path / "a.geojson").tracks
     assert list(back) == ["cna", "älpha"]
-    np.testing.assert_allclose(back["cna"], mission.tracks["cna"], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(back["cna"].points, mission.tracks["cna"].points, rtol=0, atol=1e-9)
 
 
 def load_waypoints(path):
@@ -74,20 +92,36 @@ def test_straight_legs_need_only_their_corners(tmp_path):
     legs = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 50.0]])
     dense = np.vstack([np.linspace(a, b, 200) for a, b in pairwise(legs)])
     assert write_waypoints(tmp_path / "a.waypoints", one(geo.to_geographic(dense, ORIGIN))) == 3
-    np.testing.assert_allclose(geo.to_local(load_waypoints(tmp_path / "a.waypoints"), ORIGIN)[1:], legs, atol=1e-3)
+    np.testing.assert_allclose(
+        geo.to_local(load_waypoints(tmp_path / "a.waypoints"), ORIGIN)[1:], legs, atol=1e-3
+    )
 
 
 def test_a_vehicle_that_stays_put_has_one_waypoint(tmp_path):
     assert write_waypoints(tmp_path / "a.waypoints", one(np.tile(ORIGIN, (50, 1)))) == 1
-    np.testing.assert_allclose(load_waypoints(tmp_path / "a.waypoints"), [ORIGIN, ORIGIN], atol=1e-9)
+    np.testing.assert_allclose(
+        load_waypoints(tmp_path / "a.waypoints"), [ORIGIN, ORIGIN], atol=1e-9
+    )
 
 
 @pytest.mark.parametrize(
     ("write", "mission", "message"),
     [
-        (write_geojson, Mission(tracks={"a": SPIRAL}, geographic=False), "got local tracks: convert them"),
-        (write_waypoints, Mission(tracks={"a": SPIRAL}, geographic=False), "one geographic track, got 1 local"),
-        (write_waypoints, Mission(tracks={"a": SPIRAL, "b": SPIRAL}, geographic=True), "one geographic track, got 2 geographic"),
+        (
+            write_geojson,
+            Mission(tracks={"a": Track(points=SPIRAL)}, geographic=False),
+            "got local tracks: convert them",
+        ),
+        (
+            write_waypoints,
+            Mission(tracks={"a": Track(points=SPIRAL)}, geographic=False),
+            "one geographic track, got 1 local",
+        ),
+        (
+            write_waypoints,
+            Mission(tracks={"a": Track(points=SPIRAL), "b": Track(points=SPIRAL)}, geographic=True),
+            "one geographic track, got 2 geographic",
+        ),
     ],
 )
 def test_writers_refuse_what_their_format_cannot_hold(tmp_path, write, mission, message):
@@ -105,7 +139,9 @@ def test_waypoints_refuse_a_tolerance_that_is_not_one(tmp_path, tolerance):
 def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
     path = tmp_path / "a.txt"
     write_atomically(path, "one\r\n")
-    with open(path, "rb") as earlier:  # a reader who came before keeps what it opened: the file was replaced, not overwritten
+    with (
+        open(path, "rb") as earlier
+    ):  # a reader who came before keeps what it opened: the file was replaced, not overwritten
         write_atomically(path, b"two\n")
         assert earlier.read() == b"one\r\n"
     assert path.read_bytes() == b"two\n"
@@ -116,7 +152,10 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
         raise OSError(28, os.strerror(28))
 
     monkeypatch.setattr("pathlib.Path.write_bytes", full)
-    with pytest.raises(ObsplanError, match=r"a.txt cannot be written \(No space left on device\): choose another folder"):
+    with pytest.raises(
+        ObsplanError,
+        match=r"a.txt cannot be written \(No space left on device\): choose another folder",
+    ):
         write_atomically(path, "three")
     assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
     assert path.read_bytes() == b"two\n"

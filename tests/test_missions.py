@@ -22,7 +22,11 @@ HARBOR = files("obsplan") / "scenarios" / "harbor.plan"
 
 def line(coordinates=LONLAT, **properties):
     """A GeoJSON feature."""
-    return {"type": "Feature", "properties": properties, "geometry": {"type": "LineString", "coordinates": coordinates}}
+    return {
+        "type": "Feature",
+        "properties": properties,
+        "geometry": {"type": "LineString", "coordinates": coordinates},
+    }
 
 
 def collection(*features):
@@ -32,12 +36,23 @@ def collection(*features):
 
 def simple(lat, lon, command=16, frame=3):
     """A simple item of a plan, as QGroundControl writes it."""
-    return {"type": "SimpleItem", "command": command, "frame": frame, "params": [0, 0, 0, None, lat, lon, 0], "autoContinue": True}
+    return {
+        "type": "SimpleItem",
+        "command": command,
+        "frame": frame,
+        "params": [0, 0, 0, None, lat, lon, 0],
+        "autoContinue": True,
+    }
 
 
 def plan(*items, **mission):
     """A QGroundControl plan."""
-    return {"fileType": "Plan", "groundStation": "QGroundControl", "version": 1, "mission": {"items": list(items), "version": 2, **mission}}
+    return {
+        "fileType": "Plan",
+        "groundStation": "QGroundControl",
+        "version": 1,
+        "mission": {"items": list(items), "version": 2, **mission},
+    }
 
 
 @pytest.fixture
@@ -49,7 +64,11 @@ def save(tmp_path):
         if isinstance(content, bytes):
             path.write_bytes(content)
         else:
-            path.write_text(content if isinstance(content, str) else json.dumps(content), encoding="utf-8", newline="")
+            path.write_text(
+                content if isinstance(content, str) else json.dumps(content),
+                encoding="utf-8",
+                newline="",
+            )
         return path
 
     return write
@@ -74,7 +93,11 @@ def check_one_sentence(message):
         ("a.geojson", collection(line([[*p, -5.0] for p in LONLAT]))),
         ("a.plan", plan(*(simple(*p) for p in TRACK))),
         ("a.csv", "lat,lon\n" + "".join(f"{lat},{lon}\n" for lat, lon in TRACK)),
-        ("a.csv", "\ufeffLatitude_deg, Longitude (deg)\r\n\r\n , \r\n" + "".join(f"{lat}, {lon}\r\n" for lat, lon in TRACK)),
+        (
+            "a.csv",
+            "\ufeffLatitude_deg, Longitude (deg)\r\n\r\n , \r\n"
+            + "".join(f"{lat}, {lon}\r\n" for lat, lon in TRACK),
+        ),
         ("a.csv", "depth;LON;LAT\n" + "".join(f"5;{lon};{lat}\n" for lat, lon in TRACK)),
         ("a.csv", "x\tlat\tlng\n" + "".join(f"5\t{lat}\t{lon}\n" for lat, lon in TRACK)),
     ],
@@ -83,7 +106,7 @@ def test_every_format_gives_the_same_track_named_after_its_file(save, name, cont
     mission = read_mission(save(name, content))
     assert mission.geographic
     assert list(mission.tracks) == ["a"]
-    np.testing.assert_array_equal(mission.tracks["a"], TRACK)
+    np.testing.assert_array_equal(mission.tracks["a"].points, TRACK)
     assert mission.origin == ORIGIN
 
 
@@ -92,23 +115,40 @@ def test_a_table_in_metres_is_local_and_stays_as_it_is(save, heading):
     mission = read_mission(save("a.csv", f"{heading}\n0,0\n10.5,-20\n"))
     assert not mission.geographic
     assert mission.origin is None
-    np.testing.assert_array_equal(to_local(mission, ORIGIN).tracks["a"], [[0, 0], [10.5, -20]])
+    np.testing.assert_array_equal(
+        to_local(mission, ORIGIN).tracks["a"].points, [[0, 0], [10.5, -20]]
+    )
 
 
 def test_a_table_tells_tracks_apart_by_name_though_their_rows_mingle(save):
-    mission = read_mission(save("a.csv", 'name,x,y\nalpha,0,0\n"beta, second",5,5\nalpha,1,0\n"beta, second",6,5\n'))
+    mission = read_mission(
+        save("a.csv", 'name,x,y\nalpha,0,0\n"beta, second",5,5\nalpha,1,0\n"beta, second",6,5\n')
+    )
     assert list(mission.tracks) == ["alpha", "beta, second"]
-    np.testing.assert_array_equal(mission.tracks["alpha"], [[0, 0], [1, 0]])
-    np.testing.assert_array_equal(mission.tracks["beta, second"], [[5, 5], [6, 5]])
+    np.testing.assert_array_equal(mission.tracks["alpha"].points, [[0, 0], [1, 0]])
+    np.testing.assert_array_equal(mission.tracks["beta, second"].points, [[5, 5], [6, 5]])
 
 
 def test_geojson_lines_keep_their_names_and_other_geometries_are_passed_over(save):
-    multi = {"type": "Feature", "properties": {"name": "m"}, "geometry": {"type": "MultiLineString", "coordinates": [LONLAT, LONLAT[1:]]}}
-    area = {"type": "Feature", "properties": None, "geometry": {"type": "Polygon", "coordinates": [[*LONLAT, LONLAT[0]]]}}
+    multi = {
+        "type": "Feature",
+        "properties": {"name": "m"},
+        "geometry": {"type": "MultiLineString", "coordinates": [LONLAT, LONLAT[1:]]},
+    }
+    area = {
+        "type": "Feature",
+        "properties": None,
+        "geometry": {"type": "Polygon", "coordinates": [[*LONLAT, LONLAT[0]]]},
+    }
     empty = {"type": "Feature", "properties": {}, "geometry": None}
-    tracks = read_mission(save("a.geojson", collection(area, line(name="alpha"), empty, line(name="alpha"), multi, line()))).tracks
+    tracks = read_mission(
+        save(
+            "a.geojson",
+            collection(area, line(name="alpha"), empty, line(name="alpha"), multi, line()),
+        )
+    ).tracks
     assert list(tracks) == ["alpha", "alpha-2", "m", "m-2", "a"]
-    np.testing.assert_array_equal(tracks["m-2"], TRACK[1:])
+    np.testing.assert_array_equal(tracks["m-2"].points, TRACK[1:])
 
 
 def test_geojson_that_says_it_is_wgs84_is_read(save):
@@ -118,18 +158,31 @@ def test_geojson_that_says_it_is_wgs84_is_read(save):
 
 def test_plan_passes_over_actions_and_here_and_reads_every_navigation_command(save):
     items = [
-        {"type": "SimpleItem", "command": 206, "frame": 2, "params": [0, 0, 0, 0, 0, 0, 0]},  # camera trigger distance
+        {
+            "type": "SimpleItem",
+            "command": 206,
+            "frame": 2,
+            "params": [0, 0, 0, 0, 0, 0, 0],
+        },  # camera trigger distance
         simple(0, 0, command=22),  # take off here
         simple(None, None, command=19),  # loiter here
         *(
             simple(47.63 + i / 1000, -122.337, command=c, frame=f)
             for i, (c, f) in enumerate([(16, 0), (17, 6), (18, 3), (19, 10), (22, 5), (82, 11)])
         ),
-        {"type": "SimpleItem", "command": 16, "frame": 3, "coordinate": [47.64, -122.337, 5], "params": [0, 0, 0, 0]},  # early version
+        {
+            "type": "SimpleItem",
+            "command": 16,
+            "frame": 3,
+            "coordinate": [47.64, -122.337, 5],
+            "params": [0, 0, 0, 0],
+        },  # early version
         simple(47.641, -122.337, command=21),
     ]
-    track = read_mission(save("a.plan", plan(*items))).tracks["a"]
-    np.testing.assert_allclose(track[:, 0], [47.63, 47.631, 47.632, 47.633, 47.634, 47.635, 47.64, 47.641])
+    track = read_mission(save("a.plan", plan(*items))).tracks["a"].points
+    np.testing.assert_allclose(
+        track[:, 0], [47.63, 47.631, 47.632, 47.633, 47.634, 47.635, 47.64, 47.641]
+    )
 
 
 @pytest.mark.parametrize("kind", ["survey", "CorridorScan"])
@@ -138,33 +191,46 @@ def test_plan_reads_a_pattern_by_its_items_and_else_by_its_drawn_points(save, ki
         return {"type": "ComplexItem", "complexItemType": kind, "TransectStyleComplexItem": stored}
 
     camera = {"type": "SimpleItem", "command": 206, "frame": 2, "params": [0, 0, 0, 0, 0, 0, 0]}
-    flown = pattern(Items=[camera, *(simple(*p) for p in TRACK[1:])], VisualTransectPoints=[[1.0, 2.0]])
+    flown = pattern(
+        Items=[camera, *(simple(*p) for p in TRACK[1:])], VisualTransectPoints=[[1.0, 2.0]]
+    )
     drawn = pattern(Items=[], VisualTransectPoints=[list(p) for p in TRACK[1:]])
     for item in (flown, drawn):
-        np.testing.assert_array_equal(read_mission(save("a.plan", plan(simple(*TRACK[0]), item))).tracks["a"], TRACK)
+        np.testing.assert_array_equal(
+            read_mission(save("a.plan", plan(simple(*TRACK[0]), item))).tracks["a"].points, TRACK
+        )
 
 
 def test_home_of_a_plan_is_the_origin_unless_another_is_given(save):
-    mission = read_mission(save("a.plan", plan(*(simple(*p) for p in TRACK), plannedHomePosition=[47.62, -122.33, 10])))
+    mission = read_mission(
+        save("a.plan", plan(*(simple(*p) for p in TRACK), plannedHomePosition=[47.62, -122.33, 10]))
+    )
     assert mission.home == mission.origin == (47.62, -122.33)
-    np.testing.assert_array_equal(to_local(mission).tracks["a"], geo.to_local(np.array(TRACK), (47.62, -122.33)))
-    np.testing.assert_array_equal(to_local(mission, ORIGIN).tracks["a"], geo.to_local(np.array(TRACK), ORIGIN))
+    np.testing.assert_array_equal(
+        to_local(mission).tracks["a"].points, geo.to_local(np.array(TRACK), (47.62, -122.33))
+    )
+    np.testing.assert_array_equal(
+        to_local(mission, ORIGIN).tracks["a"].points, geo.to_local(np.array(TRACK), ORIGIN)
+    )
 
 
 def test_an_origin_in_another_country_is_refused(save):
     with pytest.raises(
-        ObsplanError, match=r'track "a" lies \d+ km from the origin at latitude 60.0, longitude 5.0 degrees: move the origin'
+        ObsplanError,
+        match=r'track "a" lies \d+ km from the origin at latitude 60.0, longitude 5.0 degrees: move the origin',
     ):
         to_local(read_mission(save("a.geojson", line())), (60.0, 5.0))
 
 
 def test_shipped_harbor_plan_is_a_lawnmower_of_six_legs_of_300_m_40_m_apart():
     content = json.loads(HARBOR.read_text())
-    assert {"fileType", "geoFence", "groundStation", "mission", "rallyPoints", "version"} == set(content)
+    assert {"fileType", "geoFence", "groundStation", "mission", "rallyPoints", "version"} == set(
+        content
+    )
     assert [item["doJumpId"] for item in content["mission"]["items"]] == list(range(1, 13))
     mission = read_mission(str(HARBOR))
     assert mission.home == ORIGIN
-    track = mission.tracks["harbor"]
+    track = mission.tracks["harbor"].points
     sides = [vdist(*a, *b)[0] for a, b in pairwise(track)]  # geodesics on the ellipsoid [m]
     np.testing.assert_allclose(sides, [300, 40] * 5 + [300], atol=0.01)
     np.testing.assert_allclose(vdist(*track[0], *track[-1])[0], 200.0, atol=0.01)
@@ -176,7 +242,11 @@ def test_shipped_harbor_plan_is_a_lawnmower_of_six_legs_of_300_m_40_m_apart():
 
 NAN_LINE = '{"type": "LineString", "coordinates": [[-122.3, 47.6], [NaN, 47.7]]}'
 BAD = {
-    "unknown suffix": ("a.kml", "x", r'unknown suffix ".kml": mission files end in .csv, .geojson, .json, .plan'),
+    "unknown suffix": (
+        "a.kml",
+        "x",
+        r'unknown suffix ".kml": mission files end in .csv, .geojson, .json, .plan',
+    ),
     "misspelt suffix": ("a.geojsn", "x", r'did you mean ".geojson"\?'),
     "no suffix": ("a", "x", 'unknown suffix ""'),
     "empty file": ("a.plan", "", "is empty"),
@@ -186,46 +256,120 @@ BAD = {
         b"\x89PNG\r\n\x1a\n\x00\x01",
         r"not UTF-8 text \(byte 0x89 at position 0\): it is not what its extension says",
     ),
-    "truncated plan": ("a.plan", json.dumps(plan(simple(1, 2)))[:-9], r"not valid JSON \(line 1, column \d+: .*may be cut short"),
+    "truncated plan": (
+        "a.plan",
+        json.dumps(plan(simple(1, 2)))[:-9],
+        r"not valid JSON \(line 1, column \d+: .*may be cut short",
+    ),
     "text as geojson": ("a.geojson", "lat,lon\n1,2\n", r"not valid JSON \(line 1, column 1"),
     "huge number": ("a.geojson", "1" * 5000, "is not JSON that can be read"),
     "deep nesting": ("a.json", "[" * 100_000, "nested too deeply"),
     "array": ("a.plan", "[]", "holds a JSON list where an object is expected"),
     # GeoJSON
-    "plan as geojson": ("a.json", plan(simple(1, 2)), r'is not GeoJSON \("type" is None\): rename it to .plan'),
+    "plan as geojson": (
+        "a.json",
+        plan(simple(1, 2)),
+        r'is not GeoJSON \("type" is None\): rename it to .plan',
+    ),
     "other json": ("a.json", {"type": "Topology"}, "is not GeoJSON .*Topology"),
-    "no features": ("a.geojson", {"type": "FeatureCollection"}, 'needs a list "features", got NoneType'),
-    "feature not an object": ("a.geojson", collection(3), r"features\[0\] must be a GeoJSON object, got int"),
-    "no line": ("a.geojson", {"type": "Point", "coordinates": [1, 2]}, 'holds no LineString .*"Point"'),
+    "no features": (
+        "a.geojson",
+        {"type": "FeatureCollection"},
+        'needs a list "features", got NoneType',
+    ),
+    "feature not an object": (
+        "a.geojson",
+        collection(3),
+        r"features\[0\] must be a GeoJSON object, got int",
+    ),
+    "no line": (
+        "a.geojson",
+        {"type": "Point", "coordinates": [1, 2]},
+        'holds no LineString .*"Point"',
+    ),
     "no features inside": ("a.geojson", collection(), "holds no LineString"),
-    "projected": ("a.geojson", {**line(), "crs": {"properties": {"name": "urn:ogc:def:crs:EPSG::32610"}}}, r"crs .*32610.* is not WGS 84"),
-    "swapped": ("a.geojson", line([list(p) for p in TRACK]), r"coordinates\[0\] has latitude -122.337 .*look swapped: GeoJSON has \[long"),
-    "metres": ("a.geojson", line([[550000, 5275000], [0, 0]]), "latitude 5275000.0, beyond 90 degrees: give WGS 84"),
-    "longitude from 0 to 360": ("a.geojson", line([[237.7, 47.6], [0, 0]]), "longitude 237.7, beyond 180 degrees"),
+    "projected": (
+        "a.geojson",
+        {**line(), "crs": {"properties": {"name": "urn:ogc:def:crs:EPSG::32610"}}},
+        r"crs .*32610.* is not WGS 84",
+    ),
+    "swapped": (
+        "a.geojson",
+        line([list(p) for p in TRACK]),
+        r"coordinates\[0\] has latitude -122.337 .*look swapped: GeoJSON has \[long",
+    ),
+    "metres": (
+        "a.geojson",
+        line([[550000, 5275000], [0, 0]]),
+        "latitude 5275000.0, beyond 90 degrees: give WGS 84",
+    ),
     "nan": ("a.geojson", NAN_LINE, r"coordinates\[1\]\[0\] must be a finite number, got nan"),
-    "infinite": ("a.geojson", line([[10**400, 1], [1, 2]]), r"coordinates\[0\]\[0\] must be a finite number, got inf"),
+    "infinite": (
+        "a.geojson",
+        line([[10**400, 1], [1, 2]]),
+        r"coordinates\[0\]\[0\] must be a finite number, got inf",
+    ),
     "text number": (
         "a.geojson",
         collection(line([["1", 2], [3, 4]])),
         r"features\[0\].geometry.coordinates\[0\]\[0\] must be a number, got '1'",
     ),
     "flag number": ("a.geojson", line([[True, 2], [3, 4]]), "must be a number, got True"),
-    "flat coordinates": ("a.geojson", line([1, 2]), r"coordinates\[0\] must be \[longitude, latitude\], got 1"),
-    "one point": ("a.geojson", line(LONLAT[:1], name="q"), 'track "q" needs at least two points, got 1'),
-    "identical": ("a.geojson", line([*LONLAT, LONLAT[-1]]), 'points 3 and 4 of track "a" are identical, at .*: remove one'),
-    "unprintable name": ("a.geojson", line(name="a\x00b"), r"track name 'a\\x00b' cannot be printed"),
+    "flat coordinates": (
+        "a.geojson",
+        line([1, 2]),
+        r"coordinates\[0\] must be \[longitude, latitude\], got 1",
+    ),
+    "one point": (
+        "a.geojson",
+        line(LONLAT[:1], name="q"),
+        'holds no line to follow .track "q" has a single place',
+    ),
+    "unprintable name": (
+        "a.geojson",
+        line(name="a\x00b"),
+        r"track name 'a\\x00b' cannot be printed",
+    ),
     # plan
-    "geojson as plan": ("a.plan", collection(line()), r"not a QGroundControl plan .*rename it to .geojson"),
-    "other as plan": ("a.plan", {"fileType": "Fence"}, "\"fileType\" is 'Fence'.*save it from QGroundControl"),
+    "geojson as plan": (
+        "a.plan",
+        collection(line()),
+        r"not a QGroundControl plan .*rename it to .geojson",
+    ),
+    "other as plan": (
+        "a.plan",
+        {"fileType": "Fence"},
+        "\"fileType\" is 'Fence'.*save it from QGroundControl",
+    ),
     "no mission": ("a.plan", {"fileType": "Plan"}, "has no list mission.items"),
     "no items": ("a.plan", plan(), "mission.items holds no waypoint"),
     "item not an object": ("a.plan", plan(5), r"mission.items\[0\] must be an object, got int"),
-    "item of no kind": ("a.plan", plan({"command": 16}), r'mission.items\[0\].type must be "SimpleItem" or "ComplexItem", got None'),
-    "local frame": ("a.plan", plan(simple(1, 2, frame=1)), r"items\[0\].frame must be global .*got 1"),
+    "item of no kind": (
+        "a.plan",
+        plan({"command": 16}),
+        r'mission.items\[0\].type must be "SimpleItem" or "ComplexItem", got None',
+    ),
+    "local frame": (
+        "a.plan",
+        plan(simple(1, 2, frame=1)),
+        r"items\[0\].frame must be global .*got 1",
+    ),
     "jump": ("a.plan", plan(simple(*TRACK[0]), simple(0, 0, command=177)), r"items\[1\] is a jump"),
-    "short params": ("a.plan", plan({**simple(1, 2), "params": [0]}), r"items\[0\].params must be a list of seven numbers, got \[0\]"),
-    "text in params": ("a.plan", plan(simple("north", 2)), r"items\[0\].params\[4:6\] must be a number, got 'north'"),
-    "swapped plan": ("a.plan", plan(simple(-122.3, 47.6)), "look swapped: QGroundControl has latitude in params"),
+    "short params": (
+        "a.plan",
+        plan({**simple(1, 2), "params": [0]}),
+        r"items\[0\].params must be a list of seven numbers, got \[0\]",
+    ),
+    "text in params": (
+        "a.plan",
+        plan(simple("north", 2)),
+        r"items\[0\].params\[4:6\] must be a number, got 'north'",
+    ),
+    "swapped plan": (
+        "a.plan",
+        plan(simple(-122.3, 47.6)),
+        "look swapped: QGroundControl has latitude in params",
+    ),
     "bad home": (
         "a.plan",
         plan(*(simple(*p) for p in TRACK), plannedHomePosition=[1]),
@@ -236,20 +380,52 @@ BAD = {
         plan({"type": "ComplexItem", "complexItemType": "StructureScan"}),
         r"pattern \('StructureScan'\) with no path",
     ),
-    "identical waypoints": ("a.plan", plan(simple(*TRACK[0]), simple(*TRACK[0])), "points 1 and 2 .* are identical"),
+    "identical waypoints": (
+        "a.plan",
+        plan(simple(*TRACK[0]), simple(*TRACK[0])),
+        'holds no line to follow .track "a" has a single place',
+    ),
     # CSV
-    "no heading": ("a.csv", "47.6,-122.3\n47.7,-122.3\n", 'line 1 must name the columns "lat,lon" or "x,y", got \'47.6,-122.3\''),
+    "no heading": (
+        "a.csv",
+        "47.6,-122.3\n47.7,-122.3\n",
+        'line 1 must name the columns "lat,lon" or "x,y", got \'47.6,-122.3\'',
+    ),
     "blank cells": ("a.csv", ",,\n,,\n", "line 1 must name the columns"),
     "half a pair": ("a.csv", "lat,y\n1,2\n", "must name the columns"),
     "heading only": ("a.csv", "lat,lon\n", "has a heading but no points"),
     "short row": ("a.csv", "lat,lon\n1,2\n3\n", "line 3 has too few columns, 1 of the heading's 2"),
-    "row without its name": ("a.csv", "lat,lon,name\n1,2,a\n3,4\n", "line 3 has too few columns, 2 of the heading's 3"),
-    "not a number": ("a.csv", "x,y\n1,2\n\n3,north\n", "line 4, column 'y', must be a number, got 'north'"),
-    "nan in a table": ("a.csv", "x,y\n1,nan\n", "line 2, column 'y', must be a finite number, got nan"),
-    "swapped table": ("a.csv", "lat,lon\n-122.3,47.6\n", "line 2 has latitude -122.3 .*look swapped: exchange the headings"),
-    "utm": ("a.csv", "x,y\n550000,5275000\n", r"line 2 has \(550000.0, 5275000.0\) m, more than 100 km .*UTM"),
-    "identical rows": ("a.csv", "x,y\n1,2\n1,2\n", "points 1 and 2 .* are identical"),
-    "overlong cell": ("a.csv", "x,y\n1," + "2" * 200_000, r"line 2 is not CSV \(field larger than field limit"),
+    "row without its name": (
+        "a.csv",
+        "lat,lon,name\n1,2,a\n3,4\n",
+        "line 3 has too few columns, 2 of the heading's 3",
+    ),
+    "not a number": (
+        "a.csv",
+        "x,y\n1,2\n\n3,north\n",
+        "line 4, column 'y', must be a number, got 'north'",
+    ),
+    "nan in a table": (
+        "a.csv",
+        "x,y\n1,nan\n",
+        "line 2, column 'y', must be a finite number, got nan",
+    ),
+    "swapped table": (
+        "a.csv",
+        "lat,lon\n-122.3,47.6\n",
+        "line 2 has latitude -122.3 .*look swapped: exchange the headings",
+    ),
+    "utm": (
+        "a.csv",
+        "x,y\n550000,5275000\n",
+        r"line 2 has \(550000.0, 5275000.0\) m, more than 100 km .*UTM",
+    ),
+    "identical rows": ("a.csv", "x,y\n1,2\n1,2\n", "holds no line to follow"),
+    "overlong cell": (
+        "a.csv",
+        "x,y\n1," + "2" * 200_000,
+        r"line 2 is not CSV \(field larger than field limit",
+    ),
 }
 
 
@@ -282,7 +458,9 @@ def test_a_missing_file_a_folder_and_an_impossible_name_are_told_apart(save, tmp
     content=st.one_of(
         st.binary(max_size=200),
         st.text(max_size=200).map(lambda text: text.encode("utf-8", "replace")),
-        st.text('0123456789.-+einfa,;\t\r\n" ', max_size=60).map(lambda text: b"name,lat,lon\n" + text.encode()),
+        st.text('0123456789.-+einfa,;\t\r\n" ', max_size=60).map(
+            lambda text: b"name,lat,lon\n" + text.encode()
+        ),
     )
 )
 def test_any_bytes_give_a_mission_or_our_error(tmp_path, suffix, content):
@@ -295,9 +473,12 @@ def test_any_bytes_give_a_mission_or_our_error(tmp_path, suffix, content):
 
 
 rubbish = st.recursive(
-    st.one_of(st.none(), st.booleans(), st.floats(), st.integers(-(10**30), 10**30), st.text(max_size=4)),
+    st.one_of(
+        st.none(), st.booleans(), st.floats(), st.integers(-(10**30), 10**30), st.text(max_size=4)
+    ),
     lambda inner: st.one_of(
-        st.lists(inner, max_size=3), st.dictionaries(st.sampled_from(["type", "coordinates", "items", "params"]), inner)
+        st.lists(inner, max_size=3),
+        st.dictionaries(st.sampled_from(["type", "coordinates", "items", "params"]), inner),
     ),
     max_leaves=8,
 )
@@ -314,15 +495,23 @@ def replace_somewhere(node, value, draw):
     return [*node[:i], replace_somewhere(node[i], value, draw), *node[i + 1 :]]
 
 
-PATTERN = {"type": "ComplexItem", "TransectStyleComplexItem": {"Items": [simple(3, 4)], "VisualTransectPoints": [[1, 2], [3, 4]]}}
+PATTERN = {
+    "type": "ComplexItem",
+    "TransectStyleComplexItem": {"Items": [simple(3, 4)], "VisualTransectPoints": [[1, 2], [3, 4]]},
+}
 WHOLE = {
     ".plan": plan(simple(*TRACK[0]), simple(*TRACK[1]), PATTERN, plannedHomePosition=[1, 2, 3]),
-    ".geojson": {**collection(line(name="q"), line()), "crs": {"properties": {"name": "EPSG:4326"}}},
+    ".geojson": {
+        **collection(line(name="q"), line()),
+        "crs": {"properties": {"name": "EPSG:4326"}},
+    },
 }
 
 
 @pytest.mark.parametrize("suffix", WHOLE)
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=300)
+@settings(
+    suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=300
+)
 @given(value=rubbish, data=st.data())
 def test_a_file_damaged_anywhere_gives_a_mission_or_our_error(tmp_path, suffix, value, data):
     path = tmp_path / f"a{suffix}"

@@ -30,7 +30,11 @@ def cache(tmp_path, monkeypatch):
 def pendulum(damping=0.1):
     """A Function with roots, trigonometry and sums of products, which a compiler might fuse."""
     x, u = ca.SX.sym("x", 3), ca.SX.sym("u")
-    y = ca.vertcat(x[0] * x[1] + ca.sin(x[2]), ca.sqrt(x[0] ** 2 + x[1] ** 2 + 1) - damping * x[1], ca.atan2(x[2], x[0]) * u + x[1])
+    y = ca.vertcat(
+        x[0] * x[1] + ca.sin(x[2]),
+        ca.sqrt(x[0] ** 2 + x[1] ** 2 + 1) - damping * x[1],
+        ca.atan2(x[2], x[0]) * u + x[1],
+    )
     return ca.Function("step", [x, u], [y])
 
 
@@ -70,7 +74,11 @@ def test_library_is_built_once_for_each_content(cache, monkeypatch):
 
 def test_another_compiler_makes_another_library(cache, tmp_path, monkeypatch):
     native(pendulum())
-    fake_compiler(tmp_path, f'[ "$1" = --version ] && echo "mycc 1" && exit\nexec {find_compiler()} "$@"\n', monkeypatch)
+    fake_compiler(
+        tmp_path,
+        f'[ "$1" = --version ] && echo "mycc 1" && exit\nexec {find_compiler()} "$@"\n',
+        monkeypatch,
+    )
     native(pendulum())
     assert len(list(cache.iterdir())) == 2
 
@@ -86,7 +94,9 @@ def test_many_at_once_build_whole_libraries(cache):
 
 def test_compiler_killed_at_work_leaves_no_half_built_library(cache, tmp_path, monkeypatch, caplog):
     fake_compiler(
-        tmp_path, '[ "$1" = --version ] && exit\nwhile [ "$1" != -o ]; do shift; done\nprintf half > "$2"\nkill -9 $$\n', monkeypatch
+        tmp_path,
+        '[ "$1" = --version ] && exit\nwhile [ "$1" != -o ]; do shift; done\nprintf half > "$2"\nkill -9 $$\n',
+        monkeypatch,
     )
     function = pendulum()
     assert native(function) is function
@@ -100,14 +110,20 @@ def test_without_a_compiler_the_function_itself_and_one_message(tmp_path, monkey
     function = pendulum()
     assert native(function) is function
     assert native(function) is function
-    assert caplog.messages == ["no C compiler found: using CasADi's virtual machine, with the same results, about three times slower"]
+    assert caplog.messages == [
+        "no C compiler found: using CasADi's virtual machine, with the same results, about three times slower"
+    ]
 
 
-def test_compiler_that_fails_is_quoted_and_the_function_itself_returned(cache, tmp_path, monkeypatch, caplog):
+def test_compiler_that_fails_is_quoted_and_the_function_itself_returned(
+    cache, tmp_path, monkeypatch, caplog
+):
     fake_compiler(tmp_path, "echo 'step.c:1: out of patience' >&2\nexit 1\n", monkeypatch)
     function = pendulum()
     assert native(function) is function
-    assert caplog.messages == [f"no generated code: {tmp_path}/mycc failed (step.c:1: out of patience); using CasADi's virtual machine"]
+    assert caplog.messages == [
+        f"no generated code: {tmp_path}/mycc failed (step.c:1: out of patience); using CasADi's virtual machine"
+    ]
     assert list(cache.iterdir()) == []
 
 

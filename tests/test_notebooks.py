@@ -33,7 +33,9 @@ def kernel_environment(monkeypatch):
 
 
 def run(notebook, folder):
-    client = NotebookClient(notebook, timeout=LIMIT, kernel_name="python3", kernel_manager_class=ThisInterpreter)
+    client = NotebookClient(
+        notebook, timeout=LIMIT, kernel_name="python3", kernel_manager_class=ThisInterpreter
+    )
     client.execute(cwd=str(folder))
 
 
@@ -57,7 +59,11 @@ def test_notebook_that_fails_is_noticed(tmp_path):
 @pytest.mark.slow
 def test_kernel_is_this_interpreter_with_the_packages_under_test(tmp_path):
     notebook = nbformat.v4.new_notebook(
-        cells=[nbformat.v4.new_code_cell("import sys\nprint(sys.executable)\nimport formulations\nprint(formulations.__file__)")]
+        cells=[
+            nbformat.v4.new_code_cell(
+                "import sys\nprint(sys.executable)\nimport formulations\nprint(formulations.__file__)"
+            )
+        ]
     )
     run(notebook, tmp_path)
     assert notebook.cells[0].outputs[0].text.split() == [sys.executable, formulations.__file__]

@@ -14,7 +14,10 @@ ROTATION = 0.7  # an angle at which no two coordinates can be mistaken for each 
 
 def thesis_center(x, heading, radius):
     """Centre by (3.17), as printed."""
-    return np.asarray(x) - radius * np.array([[0, 1], [-1, 0]]) @ [math.cos(heading), math.sin(heading)]
+    return np.asarray(x) - radius * np.array([[0, 1], [-1, 0]]) @ [
+        math.cos(heading),
+        math.sin(heading),
+    ]
 
 
 def thesis_inertia(x, heading, radius):
@@ -38,7 +41,12 @@ def random_decisions(seed, n):
     for _ in range(n):
         m = rng.integers(1, 5)
         weights = rng.uniform(0, 1, m)
-        yield rng.normal(size=(m, 2)) * rng.choice([0.3, 3.0, 30.0]), weights / weights.sum(), rng.uniform(-4, 4), rng.uniform(0.1, 2)
+        yield (
+            rng.normal(size=(m, 2)) * rng.choice([0.3, 3.0, 30.0]),
+            weights / weights.sum(),
+            rng.uniform(-4, 4),
+            rng.uniform(0.1, 2),
+        )
 
 
 def offsets(positions, heading):
@@ -48,7 +56,10 @@ def offsets(positions, heading):
 
 def test_auv_to_the_left_has_positive_offset_and_one_ahead_negative_longitudinal():
     heading = math.radians(30)
-    ahead, left = np.array([math.cos(heading), math.sin(heading)]), np.array([-math.sin(heading), math.cos(heading)])
+    ahead, left = (
+        np.array([math.cos(heading), math.sin(heading)]),
+        np.array([-math.sin(heading), math.cos(heading)]),
+    )
     relative = -(4 * ahead + 3 * left)  # aid vehicle minus AUV
     assert fm.lateral_offset(*relative, heading) == pytest.approx(3, abs=1e-15 * 10)
     assert fm.longitudinal_offset(*relative, heading) == pytest.approx(-4, abs=1e-15 * 10)
@@ -61,16 +72,24 @@ def test_condition_number_is_that_of_the_inertia_of_the_circle_ahead():
             expected = np.linalg.cond(thesis_inertia(x, heading, radius))
             b, s = fm.lateral_offset(*x, heading), fm.longitudinal_offset(*x, heading)
             assert fm.inertia_condition_number(radius, b, s) == pytest.approx(expected, rel=1e-10)
-            assert fm.curvature_condition_number(1 / radius, b, x @ x) == pytest.approx(expected, rel=1e-10)
-            np.testing.assert_allclose(fm.circle_center(*x, heading, radius), thesis_center(x, heading, radius), atol=1e-12)
+            assert fm.curvature_condition_number(1 / radius, b, x @ x) == pytest.approx(
+                expected, rel=1e-10
+            )
+            np.testing.assert_allclose(
+                fm.circle_center(*x, heading, radius), thesis_center(x, heading, radius), atol=1e-12
+            )
 
 
 def test_inertia_of_a_circle_is_that_of_its_points():
     """(3.15) to (3.18) against the second moments of a circle walked in 400 even steps, exact for trigonometric polynomials."""
     angle = np.linspace(0, 2 * np.pi, 400, endpoint=False)
-    points = thesis_center([2, -1], 0.4, 1.7)[:, None] + 1.7 * np.array([np.cos(angle), np.sin(angle)])
+    points = thesis_center([2, -1], 0.4, 1.7)[:, None] + 1.7 * np.array(
+        [np.cos(angle), np.sin(angle)]
+    )
     moments = points @ points.T / 400
-    np.testing.assert_allclose(np.trace(moments) * np.eye(2) - moments, thesis_inertia([2, -1], 0.4, 1.7), atol=1e-12)
+    np.testing.assert_allclose(
+        np.trace(moments) * np.eye(2) - moments, thesis_inertia([2, -1], 0.4, 1.7), atol=1e-12
+    )
 
 
 def test_straight_ahead_has_condition_number_three_for_every_auv():
@@ -89,10 +108,13 @@ def test_radius_is_the_best_of_all_turnable_radii(gamma):
 
         reach = 2 * np.abs(b).max() + 2 * min_radius
         best = [
-            minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-10}) for bounds in _both_sides(min_radius, reach)
+            minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-10})
+            for bounds in _both_sides(min_radius, reach)
         ]
         best = min(best, key=lambda result: result.fun)
-        assert radius == pytest.approx(best.x, abs=1e-6 * reach)  # a minimum is flat: its place is known to the root of rounding
+        assert radius == pytest.approx(
+            best.x, abs=1e-6 * reach
+        )  # a minimum is flat: its place is known to the root of rounding
         assert clipped == (abs(radius) == min_radius)
 
 
@@ -103,14 +125,19 @@ def _both_sides(least, most):
 def test_curvature_has_the_least_mean_condition_number_within_the_turning_limit():
     for positions, weights, heading, min_radius in random_decisions(3, 60):
         b, s = offsets(positions, heading)
-        curvature, clipped = fm.path_inertia_curvature(float(weights @ b), float(weights @ (b**2 + s**2)), min_radius)
+        curvature, clipped = fm.path_inertia_curvature(
+            float(weights @ b), float(weights @ (b**2 + s**2)), min_radius
+        )
 
         def mean_condition(k, decision=(positions, weights, heading)):
             positions, weights, heading = decision
             return weights @ [np.linalg.cond(thesis_inertia(x, heading, 1 / k)) for x in positions]
 
         least = 1e-6 / min_radius
-        best = [minimize_scalar(mean_condition, bounds=side, method="bounded") for side in _both_sides(least, 1 / min_radius)]
+        best = [
+            minimize_scalar(mean_condition, bounds=side, method="bounded")
+            for side in _both_sides(least, 1 / min_radius)
+        ]
         best = min(best, key=lambda result: result.fun)
         assert curvature == pytest.approx(best.x, abs=2e-5 / min_radius)  # xatol 1e-5
         assert clipped == (abs(curvature) == 1 / min_radius)
@@ -125,8 +152,14 @@ def test_threshold_is_half_a_metre_at_most():
 def test_limit_is_applied_by_the_sign_of_the_offset_and_left_where_it_is_zero():
     assert fm.path_inertia_radius(0.0, 1.0, 0.5) == (0.5, True)
     assert fm.path_inertia_radius(-0.0, 1.0, 0.5) == (0.5, True)
-    assert fm.path_inertia_radius(-0.2, 1.0, 0.5) == (-0.5, True)  # in the dead zone the free optimum is 0, whose sign says nothing
-    assert fm.path_inertia_radius(0.75, 1.0, 0.5) == (0.5, False)  # exactly reached: nothing was cut off
+    assert fm.path_inertia_radius(-0.2, 1.0, 0.5) == (
+        -0.5,
+        True,
+    )  # in the dead zone the free optimum is 0, whose sign says nothing
+    assert fm.path_inertia_radius(0.75, 1.0, 0.5) == (
+        0.5,
+        False,
+    )  # exactly reached: nothing was cut off
     assert fm.path_inertia_radius(-3.0, 1.0, 0.5) == (-2.75, False)
 
 
@@ -148,7 +181,10 @@ def test_floats_arrays_and_expressions_take_the_same_decisions():
     assert all(isinstance(expression, ca.SX) for expression in expressions)
     compiled = ca.Function("decide", [symbol, angle], expressions).map(300)(x.T, heading)
     arrays = decide(x[:, 0], x[:, 1], heading, (x**2).sum(axis=1))
-    floats = [decide(float(p[0]), float(p[1]), float(h), float(p @ p)) for p, h in zip(x, heading, strict=True)]
+    floats = [
+        decide(float(p[0]), float(p[1]), float(h), float(p @ p))
+        for p, h in zip(x, heading, strict=True)
+    ]
     for column, (expression, array) in enumerate(zip(compiled, arrays, strict=True)):
         np.testing.assert_allclose(np.ravel(expression.full()), array, rtol=1e-12)
         np.testing.assert_allclose([row[column] for row in floats], array, rtol=1e-12)
@@ -170,7 +206,9 @@ def fly(decide, start, heading, dt, steps, speed=1.0):
 
 
 def by_radius(gamma, min_radius, speed=1.0):
-    return lambda x1, x2, psi: speed / fm.path_inertia_radius(fm.lateral_offset(x1, x2, psi), gamma, min_radius)[0]
+    return lambda x1, x2, psi: (
+        speed / fm.path_inertia_radius(fm.lateral_offset(x1, x2, psi), gamma, min_radius)[0]
+    )
 
 
 def by_curvature(x1, x2, psi):
@@ -181,13 +219,22 @@ def test_any_run_follows_the_exact_recurrence():
     rng = np.random.default_rng(5)
     for _ in range(300):
         gamma, dt, speed = rng.choice([0, 0.1, 1, 10]), rng.uniform(0.01, 1), rng.uniform(0.3, 3)
-        track = fly(by_radius(gamma, 0.5, speed), rng.normal(size=2) * 3, rng.uniform(-4, 4), dt, 60, speed)
-        b, s = (offset(track[:, 0], track[:, 1], track[:, 2]) for offset in (fm.lateral_offset, fm.longitudinal_offset))
+        track = fly(
+            by_radius(gamma, 0.5, speed), rng.normal(size=2) * 3, rng.uniform(-4, 4), dt, 60, speed
+        )
+        b, s = (
+            offset(track[:, 0], track[:, 1], track[:, 2])
+            for offset in (fm.lateral_offset, fm.longitudinal_offset)
+        )
         r = speed / track[:-1, 3]
         angle, t = speed * dt / r, b[:-1] - r
         scale = 1 + np.abs(track[:, :2]).max()
-        np.testing.assert_allclose(s[1:], s[:-1] * np.cos(angle) - t * np.sin(angle), atol=1e-12 * scale)
-        np.testing.assert_allclose(b[1:], r + s[:-1] * np.sin(angle) + t * np.cos(angle), atol=1e-12 * scale)
+        np.testing.assert_allclose(
+            s[1:], s[:-1] * np.cos(angle) - t * np.sin(angle), atol=1e-12 * scale
+        )
+        np.testing.assert_allclose(
+            b[1:], r + s[:-1] * np.sin(angle) + t * np.cos(angle), atol=1e-12 * scale
+        )
 
 
 def test_abeam_without_penalty_the_aid_vehicle_stays_on_its_circle():
@@ -208,7 +255,10 @@ def test_without_penalty_the_path_tends_to_an_involute(start):
     def error(dt):
         track = fly(by_radius(0.0, 0.01), start, np.pi / 2, dt, round(2 / dt))
         time = dt * np.arange(len(track))
-        return np.abs((track[:, :2] ** 2).sum(axis=1) - (start[0] ** 2 + start[1] ** 2 + 2 * speed_along * time)).max()
+        return np.abs(
+            (track[:, :2] ** 2).sum(axis=1)
+            - (start[0] ** 2 + start[1] ** 2 + 2 * speed_along * time)
+        ).max()
 
     assert_first_order(error)
 
@@ -218,7 +268,10 @@ def test_with_penalty_s_squared_and_the_shrunk_offset_trade_at_a_constant_rate()
 
     def error(dt):
         track = fly(by_radius(1.0, 0.01), (2, 0.5), np.pi / 2, dt, round(2 / dt))
-        b, s = (offset(track[:, 0], track[:, 1], track[:, 2]) for offset in (fm.lateral_offset, fm.longitudinal_offset))
+        b, s = (
+            offset(track[:, 0], track[:, 1], track[:, 2])
+            for offset in (fm.lateral_offset, fm.longitudinal_offset)
+        )
         constant = s**2 + 2 * tau * (np.abs(b) - tau)
         return np.abs(constant - constant[0]).max()
 
@@ -231,7 +284,9 @@ def test_with_penalty_an_outward_start_turns_round_where_and_when_predicted():
     track = fly(by_radius(1.0, 0.01), (b0, s0), np.pi / 2, dt, 8000)
     distance = np.hypot(track[:, 0], track[:, 1])
     furthest = int(distance.argmax())
-    assert dt * furthest == pytest.approx((rho0 * s0 + s0**3 / (3 * tau)) / tau, rel=5e-3)  # dt over the time constant, first order
+    assert dt * furthest == pytest.approx(
+        (rho0 * s0 + s0**3 / (3 * tau)) / tau, rel=5e-3
+    )  # dt over the time constant, first order
     assert distance[furthest] == pytest.approx(rho0 + s0**2 / (2 * tau) + tau, rel=1e-3)
 
 
@@ -247,7 +302,13 @@ def test_curvature_form_tends_to_a_logarithmic_spiral():
 
 
 def test_decision_does_not_depend_on_where_north_is():
-    turn = np.array([[math.cos(ROTATION), -math.sin(ROTATION)], [math.sin(ROTATION), math.cos(ROTATION)]])
+    turn = np.array(
+        [[math.cos(ROTATION), -math.sin(ROTATION)], [math.sin(ROTATION), math.cos(ROTATION)]]
+    )
     for positions, _, heading, _ in random_decisions(6, 30):
         turned = positions @ turn.T
-        np.testing.assert_allclose(offsets(turned, heading + ROTATION), offsets(positions, heading), atol=1e-13 * np.abs(positions).max())
+        np.testing.assert_allclose(
+            offsets(turned, heading + ROTATION),
+            offsets(positions, heading),
+            atol=1e-13 * np.abs(positions).max(),
+        )

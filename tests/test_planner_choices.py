@@ -28,13 +28,20 @@ def test_path_inertia_scores_with_the_condition_number_of_the_inertia_of_its_cir
     rng = np.random.default_rng(14)
     for objective in ("difference", "condition-number"):
         pose, places = op.Pose(*map(float, rng.uniform(-3, 3, 3))), rng.uniform(-12, 12, (2, 2))
-        auvs = [op.Belief.at(*map(float, place), weight=weight) for place, weight in zip(places, (1.0, 2.0), strict=True)]
+        auvs = [
+            op.Belief.at(*map(float, place), weight=weight)
+            for place, weight in zip(places, (1.0, 2.0), strict=True)
+        ]
         decision = op.PathInertia(CNA, gamma=0.5, objective=objective).plan(pose, auvs)
         turn = np.linspace(0, 2 * np.pi, 360, endpoint=False)
         r = decision.radius
-        circle = np.array([pose.x, pose.y]) + r * np.array([-np.sin(pose.heading), np.cos(pose.heading)])
+        circle = np.array([pose.x, pose.y]) + r * np.array(
+            [-np.sin(pose.heading), np.cos(pose.heading)]
+        )
         circle = circle + abs(r) * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-        inertia = [np.einsum("ti,tj->ij", circle - place, circle - place) for place in places]  # equally spaced: exact
+        inertia = [
+            np.einsum("ti,tj->ij", circle - place, circle - place) for place in places
+        ]  # equally spaced: exact
         conditions = [np.linalg.cond(J) for J in inertia]
         np.testing.assert_allclose(decision.condition, conditions, rtol=1e-10)
         assert decision.score == pytest.approx(np.array([1 / 3, 2 / 3]) @ conditions, rel=1e-10)
@@ -55,7 +62,9 @@ def test_path_inertia_on_its_limit_says_so_and_turns_to_the_side_of_the_auv():
 
 def one_auv(**options):
     """Decision about one AUV at the origin from (1, 0), heading north: the reference of the literature."""
-    return op.GramianHorizon(CNA, **options).plan(op.Pose(1.0, 0.0, np.pi / 2), [op.Belief.at(0.0, 0.0)])
+    return op.GramianHorizon(CNA, **options).plan(
+        op.Pose(1.0, 0.0, np.pi / 2), [op.Belief.at(0.0, 0.0)]
+    )
 
 
 def test_reference_decision_is_1_4_of_21_with_condition_number_8_879():
@@ -64,7 +73,9 @@ def test_reference_decision_is_1_4_of_21_with_condition_number_8_879():
     assert decision.score == pytest.approx(8.879, abs=5e-4)
     assert decision.condition == pytest.approx(np.array([decision.score]))
     rates = np.linspace(-2, 2, 21)
-    totals = horizon_totals([(-1.0, 0.0)], [1.0], rates, speed=1.0, horizon=HORIZON, heading=np.pi / 2)
+    totals = horizon_totals(
+        [(-1.0, 0.0)], [1.0], rates, speed=1.0, horizon=HORIZON, heading=np.pi / 2
+    )
     assert rates[totals.argmin()] == pytest.approx(1.4)
     assert decision.score == pytest.approx(totals.min(), rel=1e-9)
 
@@ -80,7 +91,9 @@ PLACES, WEIGHTS = np.array([(3.0, 1.5), (-1.0, -2.5), (0.5, 4.0)]), (1.0, 0.0, 2
 @pytest.mark.parametrize("metric", METRICS)
 @pytest.mark.parametrize("gramian", ["exact", "thesis"])
 def test_gramian_horizon_takes_the_best_candidate_of_brute_force(gramian, metric, aggregate):
-    planner = op.GramianHorizon(CNA, gramian=gramian, metric=metric, aggregate=aggregate, turn_rates=9, horizon=1.7)
+    planner = op.GramianHorizon(
+        CNA, gramian=gramian, metric=metric, aggregate=aggregate, turn_rates=9, horizon=1.7
+    )
     auvs = [op.Belief.at(*map(float, p), weight=w) for p, w in zip(PLACES, WEIGHTS, strict=True)]
     rates = np.linspace(2, -2, 9)
     brute = {"speed": 1.0, "horizon": 1.7, "variant": gramian, "heading": 0.4}
@@ -95,7 +108,11 @@ def test_gramian_horizon_takes_the_best_candidate_of_brute_force(gramian, metric
 def test_metric_and_aggregate_matter_among_those_candidates():
     rates = np.linspace(2, -2, 9)
     chosen = {
-        (m, a): rates[horizon_totals(PLACES, WEIGHTS, rates, speed=1.0, horizon=1.7, heading=0.4, metric=m, aggregate=a).argmin()]
+        (m, a): rates[
+            horizon_totals(
+                PLACES, WEIGHTS, rates, speed=1.0, horizon=1.7, heading=0.4, metric=m, aggregate=a
+            ).argmin()
+        ]
         for m in METRICS
         for a in AGGREGATES
     }
@@ -107,7 +124,9 @@ def test_empirical_gramian_agrees_with_the_exact_one_to_the_error_of_the_trapezo
     exact, empirical = one_auv(), one_auv(gramian="empirical")
     assert empirical.turn_rate == exact.turn_rate
     assert empirical.score != exact.score
-    assert empirical.score == pytest.approx(exact.score, rel=4e-3)  # 6e-4 of the largest entry, times the few that make up σ_min
+    assert empirical.score == pytest.approx(
+        exact.score, rel=4e-3
+    )  # 6e-4 of the largest entry, times the few that make up σ_min
 
 
 def test_empirical_gramian_by_name_is_the_trapezoid_sum_of_the_exact_integrand():
@@ -115,14 +134,20 @@ def test_empirical_gramian_by_name_is_the_trapezoid_sum_of_the_exact_integrand()
     poses = np.array([arc((1.0, 0.0, np.pi / 2), u, 1.0, each) for each in t])
     x1, x2 = poses[:, 0], poses[:, 1]
     ranged = 2 * np.stack([x1, x2, x2 * (x1 - 1.0) - x1 * x2], axis=-1)
-    W = np.trapezoid(np.einsum("ti,tj->tij", ranged, ranged), t, axis=0) + np.diag([0.0, 0.0, HORIZON])
-    assert one_auv(gramian="empirical").score == pytest.approx(np.linalg.cond(W), rel=1e-8)  # central differences: about 1e-10
+    W = np.trapezoid(np.einsum("ti,tj->tij", ranged, ranged), t, axis=0) + np.diag(
+        [0.0, 0.0, HORIZON]
+    )
+    assert one_auv(gramian="empirical").score == pytest.approx(
+        np.linalg.cond(W), rel=1e-8
+    )  # central differences: about 1e-10
 
 
 def test_thesis_variant_leaves_the_heading_out_of_the_range_and_decides_otherwise():
     exact, thesis = one_auv(), one_auv(gramian="thesis")
     rates = np.linspace(2, -2, 21)
-    totals = horizon_totals([(-1.0, 0.0)], [1.0], rates, speed=1.0, horizon=HORIZON, heading=np.pi / 2, variant="thesis")
+    totals = horizon_totals(
+        [(-1.0, 0.0)], [1.0], rates, speed=1.0, horizon=HORIZON, heading=np.pi / 2, variant="thesis"
+    )
     assert thesis.turn_rate == rates[totals.argmin()]
     assert thesis.score == pytest.approx(totals.min(), rel=1e-9)
     assert thesis.score < exact.score / 2
@@ -130,14 +155,20 @@ def test_thesis_variant_leaves_the_heading_out_of_the_range_and_decides_otherwis
 
 @pytest.mark.parametrize("gramian", ["exact", "thesis", "empirical"])
 def test_of_equals_the_leftmost_is_taken(gramian):
-    ahead = op.GramianHorizon(CNA, gramian=gramian).plan(op.Pose(0.0, 0.0, 0.0), [op.Belief.at(5.0, 0.0)])
+    ahead = op.GramianHorizon(CNA, gramian=gramian).plan(
+        op.Pose(0.0, 0.0, 0.0), [op.Belief.at(5.0, 0.0)]
+    )
     assert ahead.turn_rate > 0
-    nudged = op.GramianHorizon(CNA, gramian=gramian).plan(op.Pose(0.0, 0.0, 0.0), [op.Belief.at(5.0, -0.1)])
+    nudged = op.GramianHorizon(CNA, gramian=gramian).plan(
+        op.Pose(0.0, 0.0, 0.0), [op.Belief.at(5.0, -0.1)]
+    )
     assert nudged.turn_rate != 0
 
 
 def test_where_no_candidate_observes_every_auv_it_goes_straight_on_and_says_so():
-    far = op.GramianHorizon(CNA).plan(op.Pose(0.0, 0.0, 0.0), [op.Belief.at(1e9, 0.0)])  # the condition number grows as d⁴
+    far = op.GramianHorizon(CNA).plan(
+        op.Pose(0.0, 0.0, 0.0), [op.Belief.at(1e9, 0.0)]
+    )  # the condition number grows as d⁴
     assert far.status == Status.UNOBSERVABLE
     assert far.turn_rate == 0.0
 
@@ -147,7 +178,9 @@ def test_gramian_horizon_looks_two_thirds_of_the_smallest_circle_ahead():
     pose, auvs = op.Pose(1.0, 2.0, 0.3), [op.Belief.at(4.0, -3.0)]
     stated = op.GramianHorizon(slow, horizon=2 / 3 * 2 * np.pi * 3.0 / 0.7).plan(pose, auvs)
     assert op.GramianHorizon(slow).plan(pose, auvs).score == pytest.approx(stated.score, rel=1e-12)
-    assert op.GramianHorizon(slow).candidates[[0, -1]] == pytest.approx(np.array([0.7 / 3, -0.7 / 3]))
+    assert op.GramianHorizon(slow).candidates[[0, -1]] == pytest.approx(
+        np.array([0.7 / 3, -0.7 / 3])
+    )
 
 
 @pytest.mark.parametrize(
@@ -187,18 +220,31 @@ def test_circle_starts_on_itself_and_stays_there_over_ten_turns(radius):
 
 
 def test_circle_starts_at_its_point_nearest_to_the_vehicle_on_the_tangent():
-    start = op.Circle(CNA, center=(3.0, -2.0), radius=2.0).initial_pose(op.Pose(9.0, 6.0, 1.0))  # a 3-4-5 triangle
+    start = op.Circle(CNA, center=(3.0, -2.0), radius=2.0).initial_pose(
+        op.Pose(9.0, 6.0, 1.0)
+    )  # a 3-4-5 triangle
     assert (start.x, start.y) == pytest.approx((3.0 + 1.2, -2.0 + 1.6))
-    assert complex(math.cos(start.heading), math.sin(start.heading)) == pytest.approx(complex(-0.8, 0.6))
+    assert complex(math.cos(start.heading), math.sin(start.heading)) == pytest.approx(
+        complex(-0.8, 0.6)
+    )
     there = op.Pose(9.0, 6.0, 1.0)
-    assert op.Circle(CNA, center=(3.0, -2.0), radius=2.0, start_on_circle=False).initial_pose(there) == there
+    assert (
+        op.Circle(CNA, center=(3.0, -2.0), radius=2.0, start_on_circle=False).initial_pose(there)
+        == there
+    )
 
 
-@pytest.mark.parametrize("start", [(40.0, 0.0, 0.0), (-30.0, 30.0, -120.0), (3.0, -2.0, 0.0), (3.5, -2.0, 170.0)])
+@pytest.mark.parametrize(
+    "start", [(40.0, 0.0, 0.0), (-30.0, 30.0, -120.0), (3.0, -2.0, 0.0), (3.5, -2.0, 170.0)]
+)
 def test_circle_is_reached_from_far_away_and_from_inside(start):
     x, y, heading_deg = start
     circle = {"kind": "circle", "center": (3.0, -2.0), "radius": 4.0, "start_on_circle": False}
-    cna = {"speed": 1.0, "min_turn_radius": 0.5, "start": {"x": x, "y": y, "heading_deg": heading_deg}}
+    cna = {
+        "speed": 1.0,
+        "min_turn_radius": 0.5,
+        "start": {"x": x, "y": y, "heading_deg": heading_deg},
+    }
     run = op.simulate(scenario(planner=circle, cna=cna, time_step=0.1, duration=150.0))
     np.testing.assert_array_equal(run.cna[0, :2], [x, y])
     off = np.hypot(run.cna[-100:, 0] - 3.0, run.cna[-100:, 1] + 2.0) - 4.0
@@ -206,11 +252,19 @@ def test_circle_is_reached_from_far_away_and_from_inside(start):
 
 
 def test_circle_tighter_than_the_vehicle_turns_is_refused():
-    with pytest.raises(ValueError, match=r"radius of the circle must be at least the turning radius 0\.5 m, got 0\.4"):
+    with pytest.raises(
+        ValueError,
+        match=r"radius of the circle must be at least the turning radius 0\.5 m, got 0\.4",
+    ):
         op.Circle(CNA, center=(0.0, 0.0), radius=0.4)
-    with pytest.raises(ValueError, match=r"radius of the circle must be at least the turning radius 0\.5 m, got nan"):
+    with pytest.raises(
+        ValueError,
+        match=r"radius of the circle must be at least the turning radius 0\.5 m, got nan",
+    ):
         op.Circle(CNA, center=(0.0, 0.0), radius=NAN)
-    with pytest.raises(ValueError, match=r"center of the circle must be finite \[m\], got \(nan, 0\.0\)"):
+    with pytest.raises(
+        ValueError, match=r"center of the circle must be finite \[m\], got \(nan, 0\.0\)"
+    ):
         op.Circle(CNA, center=(NAN, 0.0), radius=1.0)
 
 
@@ -218,7 +272,12 @@ def test_circle_of_a_scenario_just_encloses_the_survey_unless_it_is_given():
     mission = scenario(planner={"kind": "circle"})
     points = np.concatenate([reference.polyline for reference in mission.references])
     farthest = lambda center: np.hypot(*(points - center).T).max()  # noqa: E731
-    best = minimize(farthest, points.mean(axis=0), method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12, "maxiter": 2000})
+    best = minimize(
+        farthest,
+        points.mean(axis=0),
+        method="Nelder-Mead",
+        options={"xatol": 1e-9, "fatol": 1e-12, "maxiter": 2000},
+    )
     planner = mission.planner()
     assert planner.radius == pytest.approx(best.fun, rel=1e-6)
     assert farthest(planner.center) == pytest.approx(planner.radius, rel=1e-12)

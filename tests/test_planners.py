@@ -14,9 +14,19 @@ from formulations.solution import Status
 from obsplan.planners import DEFAULT_PLANNER, PLANNERS, name_of, planner_class
 from obsplan.planners.protocol import columns, compiled, expression_of
 
-TURN_TOLERANCE = {"trajectory": 1e-6}  # [rad/s]: its solvers stop at 1e-8 of the optimality conditions, to be divided by the curvature
-ONE_SIDED = {"circle", "random"}  # go their way in a mirror, too: the mirror image is another planner
-BESIDES = [("path-inertia", {"gamma": 0.0}), ("path-inertia", {"change_weight": 0.5}), ("path-inertia", {"max_radius": 8.0})]
+TURN_TOLERANCE = {
+    "trajectory": 1e-6
+}  # [rad/s]: its solvers stop at 1e-8 of the optimality conditions, to be divided by the curvature
+SCORE_TOLERANCE = 1e-8  # relative: of second order in the turn, and what those solvers stop at
+ONE_SIDED = {
+    "circle",
+    "random",
+}  # go their way in a mirror, too: the mirror image is another planner
+BESIDES = [
+    ("path-inertia", {"gamma": 0.0}),
+    ("path-inertia", {"change_weight": 0.5}),
+    ("path-inertia", {"max_radius": 8.0}),
+]
 
 
 def variants():
@@ -28,11 +38,14 @@ def variants():
         yield name, {}
         for option, hint in get_type_hints(cls).items():
             choices = get_args(hint) if get_origin(hint) is Literal else ()
-            yield from ((name, {option: choice}) for choice in choices if choice != defaults[option])
+            yield from (
+                (name, {option: choice}) for choice in choices if choice != defaults[option]
+            )
 
 
 every_planner = pytest.mark.parametrize(
-    ("name", "options"), [pytest.param(*v, id="-".join(map(str, [v[0], *v[1].values()]))) for v in variants()]
+    ("name", "options"),
+    [pytest.param(*v, id="-".join(map(str, [v[0], *v[1].values()]))) for v in variants()],
 )
 every_plain_planner = pytest.mark.parametrize("name", PLANNERS)
 
@@ -40,7 +53,9 @@ every_plain_planner = pytest.mark.parametrize("name", PLANNERS)
 def world(rng):
     """Two AUVs on courses of their own, some metres from the aid vehicle."""
     legs = rng.uniform(-12, 12, (2, 2, 2))
-    pose = op.Pose(*map(float, (*rng.uniform(-12, 12, 2), rng.uniform(-3, 3))), float(rng.uniform(-0.3, 0.3)))
+    pose = op.Pose(
+        *map(float, (*rng.uniform(-12, 12, 2), rng.uniform(-3, 3))), float(rng.uniform(-0.3, 0.3))
+    )
     return pose, legs
 
 
@@ -62,7 +77,15 @@ def beliefs(legs, weights=(1.0, 2.0)):
         turn = np.eye(4)
         turn[:2, :2] = rotation(heading)
         covariance = turn @ np.diag([4.0, 1.0, 0.01, 0.04]) @ turn.T
-        believed.append(op.Belief.at(*map(float, leg[0]), heading=heading, speed=1.0, covariance=covariance, weight=weight))
+        believed.append(
+            op.Belief.at(
+                *map(float, leg[0]),
+                heading=heading,
+                speed=1.0,
+                covariance=covariance,
+                weight=weight,
+            )
+        )
     return believed
 
 
@@ -85,7 +108,10 @@ def mirrored(pose, legs):
 
 def same(a, b):
     """Whether two decisions are the same to the last bit."""
-    return all(np.array_equal(getattr(a, f.name), getattr(b, f.name), equal_nan=True) for f in fields(op.Decision))
+    return all(
+        np.array_equal(getattr(a, f.name), getattr(b, f.name), equal_nan=True)
+        for f in fields(op.Decision)
+    )
 
 
 @every_planner
@@ -119,7 +145,11 @@ def test_predicted_path_begins_on_the_arc_of_the_decision(name, options):
         turned = decision.path[1, 2] - pose.heading
         dt = turned / decision.turn_rate if decision.turn_rate else chord / decision.speed
         assert 0 < dt < np.inf
-        np.testing.assert_allclose(decision.path[1], arc((pose.x, pose.y, pose.heading), decision.turn_rate, decision.speed, dt), atol=1e-9)
+        np.testing.assert_allclose(
+            decision.path[1],
+            arc((pose.x, pose.y, pose.heading), decision.turn_rate, decision.speed, dt),
+            atol=1e-9,
+        )
 
 
 @every_planner
@@ -141,9 +171,13 @@ def test_planner_turns_with_the_world(name, options):
         there, moved = turned(pose, legs, 0.7, np.array([31.0, -17.0]))
         here = built(name, options, legs).plan(pose, beliefs(legs))
         elsewhere = built(name, options, moved).plan(there, beliefs(moved))
-        assert elsewhere.turn_rate == pytest.approx(here.turn_rate, abs=TURN_TOLERANCE.get(name, 1e-9))
+        assert elsewhere.turn_rate == pytest.approx(
+            here.turn_rate, abs=TURN_TOLERANCE.get(name, 1e-9)
+        )
         assert elsewhere.speed == pytest.approx(here.speed, abs=1e-9)
-        np.testing.assert_allclose(elsewhere.condition, here.condition, rtol=1e-3)  # empirical: 1e-10 / epsilon, times the condition
+        np.testing.assert_allclose(
+            elsewhere.condition, here.condition, rtol=1e-3
+        )  # empirical: 1e-10 / epsilon, times the condition
 
 
 @every_planner
@@ -154,17 +188,25 @@ def test_planner_turns_the_other_way_in_the_mirror(name, options):
     for _ in range(10):
         pose, legs = world(rng)
         there, moved = mirrored(pose, legs)
-        here, mirror = (built(name, options, at).plan(p, beliefs(at)) for p, at in ((pose, legs), (there, moved)))
-        assert mirror.turn_rate == pytest.approx(-here.turn_rate, abs=TURN_TOLERANCE.get(name, 1e-9))
+        here, mirror = (
+            built(name, options, at).plan(p, beliefs(at))
+            for p, at in ((pose, legs), (there, moved))
+        )
+        assert mirror.turn_rate == pytest.approx(
+            -here.turn_rate, abs=TURN_TOLERANCE.get(name, 1e-9)
+        )
 
 
 @every_planner
 def test_auv_of_weight_zero_has_no_say(name, options):
     pose, legs = world(np.random.default_rng(6))
     planner = built(name, options, legs)
-    unheard, alone = planner.plan(pose, beliefs(legs, (1.0, 0.0))), planner.plan(pose, beliefs(legs[:1], (1.0,)))
-    assert unheard.turn_rate == pytest.approx(alone.turn_rate, abs=1e-12)
-    assert unheard.score == pytest.approx(alone.score, rel=1e-12)
+    unheard, alone = (
+        planner.plan(pose, beliefs(legs, (1.0, 0.0))),
+        planner.plan(pose, beliefs(legs[:1], (1.0,))),
+    )
+    assert unheard.turn_rate == pytest.approx(alone.turn_rate, abs=TURN_TOLERANCE.get(name, 1e-9))
+    assert unheard.score == pytest.approx(alone.score, rel=SCORE_TOLERANCE)
     assert unheard.condition.shape == (2,)
 
 
@@ -173,8 +215,8 @@ def test_weights_count_relative_to_each_other(name, options):
     pose, legs = world(np.random.default_rng(7))
     planner = built(name, options, legs)
     light, heavy = (planner.plan(pose, beliefs(legs, w)) for w in ((0.5, 1.5), (2.0, 6.0)))
-    assert heavy.turn_rate == pytest.approx(light.turn_rate, abs=1e-12)
-    assert heavy.score == pytest.approx(light.score, rel=1e-12)
+    assert heavy.turn_rate == pytest.approx(light.turn_rate, abs=TURN_TOLERANCE.get(name, 1e-9))
+    assert heavy.score == pytest.approx(light.score, rel=SCORE_TOLERANCE)
 
 
 NAN, INF = float("nan"), float("inf")
@@ -200,8 +242,12 @@ def test_belief_that_is_no_number_never_raises_nor_turns_into_a_command(name, op
     mean[entry] = NAN
     decision = built(name, options, legs).plan(pose, [good, replace(bad, mean=mean)])
     blind = built(name, options, legs).plan(pose, [])
-    assert decision.turn_rate == blind.turn_rate  # as if there were no AUV: straight on, unless the planner looks at none
-    assert decision.status == (Status.INVALID_INPUT if blind.status == Status.NO_TARGETS else Status.OPTIMAL)
+    assert (
+        decision.turn_rate == blind.turn_rate
+    )  # as if there were no AUV: straight on, unless the planner looks at none
+    assert decision.status == (
+        Status.INVALID_INPUT if blind.status == Status.NO_TARGETS else Status.OPTIMAL
+    )
 
 
 @every_planner
@@ -236,13 +282,20 @@ def test_folded_expression_guards_itself_as_plan_does(name, options):
     cases = [(pose, [good, replace(bad, weight=weight)], 0.0) for weight in (0.0, 2.0)]
     cases += [(worse, [good, bad], 0.0) for worse in BAD_POSES]
     cases += [(pose, [replace(good, weight=0.0), replace(bad, weight=0.0)], 0.0)]
-    cases += [(pose, [good, replace(bad, mean=np.where(np.arange(4) == k, NAN, bad.mean))], 0.0) for k in range(4)]
+    cases += [
+        (pose, [good, replace(bad, mean=np.where(np.arange(4) == k, NAN, bad.mean))], 0.0)
+        for k in range(4)
+    ]
     for pose, auvs, time in cases:
         decision = planner.plan(pose, auvs, time=time)
         state = [pose.x, pose.y, pose.heading, pose.turn_rate]
         answer = compiled(planner, 2).call([ca.DM(time), ca.DM(state), *columns(auvs)])
         turn_rate, speed, score, condition, status = (v.full().ravel() for v in answer)
-        assert (turn_rate[0], speed[0], status[0]) == (decision.turn_rate, decision.speed, decision.status)
+        assert (turn_rate[0], speed[0], status[0]) == (
+            decision.turn_rate,
+            decision.speed,
+            decision.status,
+        )
         if np.isfinite(state).all():
             np.testing.assert_array_equal(score, decision.score)
             np.testing.assert_array_equal(condition, decision.condition)
@@ -252,7 +305,9 @@ def test_folded_expression_guards_itself_as_plan_does(name, options):
 def test_a_hundred_auvs_are_no_obstacle(name):
     rng = np.random.default_rng(12)
     pose, legs = world(rng)
-    crowd = [op.Belief.at(*map(float, rng.normal(0, 20, 2)), heading=1.0, speed=1.0) for _ in range(100)]
+    crowd = [
+        op.Belief.at(*map(float, rng.normal(0, 20, 2)), heading=1.0, speed=1.0) for _ in range(100)
+    ]
     decision = built(name, {}, legs).plan(pose, crowd)
     assert decision.status in (Status.OPTIMAL, Status.CLIPPED)
     assert decision.condition.shape == (100,)
@@ -261,7 +316,9 @@ def test_a_hundred_auvs_are_no_obstacle(name):
 
 @every_planner
 @pytest.mark.parametrize("knowledge", ["truth", "estimate", "survey"])
-def test_folded_into_the_step_or_called_between_steps_the_run_is_the_same_to_the_last_bit(name, options, knowledge):
+def test_folded_into_the_step_or_called_between_steps_the_run_is_the_same_to_the_last_bit(
+    name, options, knowledge
+):
     mission = scenario(planner={"kind": name, "interval": 1.0, "knowledge": knowledge, **options})
     spy = Spy(mission.planner())
     folded, walked = op.simulate(mission), op.simulate(mission, planner=spy)
@@ -278,7 +335,9 @@ def test_folded_into_the_step_or_called_between_steps_the_run_is_the_same_to_the
 
 @every_planner
 def test_closed_loop_without_a_weight_says_there_are_no_targets(name, options):
-    mission = scenario(planner={"kind": name, **options}, auv__0__weight=0.0, auv__1__weight=0.0, duration=3.0)
+    mission = scenario(
+        planner={"kind": name, **options}, auv__0__weight=0.0, auv__1__weight=0.0, duration=3.0
+    )
     folded, walked = op.simulate(mission), op.simulate(mission, planner=Spy(mission.planner()))
     np.testing.assert_array_equal(folded.turn_rate, walked.turn_rate)
     np.testing.assert_array_equal(folded.status, walked.status)

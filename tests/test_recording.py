@@ -20,7 +20,9 @@ LAT, LON = 47.629, -122.337  # of harbor-survey's origin
 
 @pytest.fixture(scope="module")
 def run():
-    return simulate(load("harbor-survey", planner="path-inertia", settings=["duration=60.0"]), seed=3)
+    return simulate(
+        load("harbor-survey", planner="path-inertia", settings=["duration=60.0"]), seed=3
+    )
 
 
 @pytest.fixture(scope="module")
@@ -29,15 +31,22 @@ def variables(run, tmp_path_factory):
     path = tmp_path_factory.mktemp("nc") / "tracks.nc"
     run.to_netcdf(path)
     with netcdf_file(path, mmap=False) as file:
-        return {name: (v.dimensions, v[:].copy(), dict(v._attributes)) for name, v in file.variables.items()}, dict(file._attributes)
+        return {
+            name: (v.dimensions, v[:].copy(), dict(v._attributes))
+            for name, v in file.variables.items()
+        }, dict(file._attributes)
 
 
 def test_dataset_holds_what_was_recorded_by_auv_and_time(run):
     dataset = run.to_dataset()
     assert dict(dataset.sizes) == {"time": 121, "auv": 2, "state": 4, "state_2": 4}
     bravo = dataset.sel(auv="bravo", time=30.0)
-    np.testing.assert_array_equal([bravo.auv_x, bravo.auv_y, bravo.auv_heading, bravo.auv_speed], run.truth[1, 60])
-    np.testing.assert_array_equal([bravo.est_x, bravo.est_y, bravo.est_heading, bravo.est_speed], run.mean[1, 60])
+    np.testing.assert_array_equal(
+        [bravo.auv_x, bravo.auv_y, bravo.auv_heading, bravo.auv_speed], run.truth[1, 60]
+    )
+    np.testing.assert_array_equal(
+        [bravo.est_x, bravo.est_y, bravo.est_heading, bravo.est_speed], run.mean[1, 60]
+    )
     np.testing.assert_array_equal([bravo.cna_x, bravo.cna_y, bravo.cna_heading], run.cna[60])
     np.testing.assert_array_equal(bravo.covariance, run.covariance[1, 60])
     assert bravo["range"] == run.range[1, 60] > 0
@@ -47,22 +56,35 @@ def test_dataset_holds_what_was_recorded_by_auv_and_time(run):
 
 def test_file_has_every_time_and_auv_of_the_run(run, variables):
     found, _ = variables
-    for name, recorded in {"cna_x": run.cna[:, 0], "cna_turn_rate": run.turn_rate, "time": run.time}.items():
+    for name, recorded in {
+        "cna_x": run.cna[:, 0],
+        "cna_turn_rate": run.turn_rate,
+        "time": run.time,
+    }.items():
         dimensions, values, _ = found[name]
         assert dimensions == ("auv", "obs")
         np.testing.assert_array_equal(values, [recorded, recorded])
-    for name, recorded in {"auv_y": run.truth[..., 1], "est_speed": run.mean[..., 3], "range": run.range}.items():
+    for name, recorded in {
+        "auv_y": run.truth[..., 1],
+        "est_speed": run.mean[..., 3],
+        "range": run.range,
+    }.items():
         np.testing.assert_array_equal(found[name][1], recorded)
     states = ("east", "north", "heading", "speed")
     for (i, one), (j, other) in combinations_with_replacement(enumerate(states), 2):
         np.testing.assert_array_equal(found[f"cov_{other}_{one}"][1], run.covariance[..., i, j])
 
 
-@pytest.mark.parametrize(("lat", "lon", "x", "y"), [("lat", "lon", "auv_x", "auv_y"), ("est_lat", "est_lon", "est_x", "est_y")])
+@pytest.mark.parametrize(
+    ("lat", "lon", "x", "y"),
+    [("lat", "lon", "auv_x", "auv_y"), ("est_lat", "est_lon", "est_x", "est_y")],
+)
 def test_latitudes_and_longitudes_are_those_of_the_local_positions(variables, lat, lon, x, y):
     found, _ = variables
     east, north, _ = pymap3d.geodetic2enu(found[lat][1], found[lon][1], 0.0, LAT, LON, 0.0)
-    np.testing.assert_allclose(east, found[x][1], atol=1e-6)  # degrees in double precision are 1e-9 m
+    np.testing.assert_allclose(
+        east, found[x][1], atol=1e-6
+    )  # degrees in double precision are 1e-9 m
     np.testing.assert_allclose(north, found[y][1], atol=1e-6)
 
 
@@ -70,7 +92,9 @@ def test_file_follows_the_conventions_for_trajectories(variables):
     found, attributes = variables
     assert attributes["Conventions"] == b"CF-1.11"
     assert attributes["featureType"] == b"trajectory"
-    assert [name for name, (_, _, a) in found.items() if a.get("cf_role") == b"trajectory_id"] == ["auv"]
+    assert [name for name, (_, _, a) in found.items() if a.get("cf_role") == b"trajectory_id"] == [
+        "auv"
+    ]
     assert [bytes(name).decode().strip("\0") for name in found["auv"][1]] == ["alpha", "bravo"]
     standard = {name: found[name][2]["standard_name"] for name in ("time", "lat", "lon")}
     assert standard == {"time": b"time", "lat": b"latitude", "lon": b"longitude"}
@@ -81,7 +105,11 @@ def test_file_follows_the_conventions_for_trajectories(variables):
         assert "long_name" in a, name
         if dimensions == ("auv", "obs") and name not in ("status", "score"):
             assert a["units"], name
-            assert name in ("time", "lat", "lon") or set(a["coordinates"].split()) == {b"time", b"lat", b"lon"}
+            assert name in ("time", "lat", "lon") or set(a["coordinates"].split()) == {
+                b"time",
+                b"lat",
+                b"lon",
+            }
     assert {"scenario", "planner", "seed", "version", "title", "condition_label"} <= set(attributes)
     assert not {"date_created", "date"} & set(attributes)
 
@@ -89,7 +117,13 @@ def test_file_follows_the_conventions_for_trajectories(variables):
 def test_decisions_carry_their_status_as_a_flag(run, variables):
     found, _ = variables
     _, values, attributes = found["status"]
-    meaning = dict(zip(attributes["flag_values"].tolist(), attributes["flag_meanings"].decode().split(), strict=True))
+    meaning = dict(
+        zip(
+            attributes["flag_values"].tolist(),
+            attributes["flag_meanings"].decode().split(),
+            strict=True,
+        )
+    )
     assert meaning == {status.value: status.label for status in Status}
     missing = np.isnan(run.status)
     np.testing.assert_array_equal(values[0] == attributes["_FillValue"], missing)
@@ -103,7 +137,10 @@ def test_xarray_reads_the_file_back(run, tmp_path):
         seconds = (dataset.time - np.datetime64("1970-01-01")) / np.timedelta64(1, "s")
         np.testing.assert_allclose(seconds, [run.time, run.time], rtol=1e-12)
         assert dataset.attrs["condition_label"] == "κ(J)"
-        xr.testing.assert_allclose(dataset["error"].drop_vars(["time"]), as_trajectories(run.to_dataset())["error"].drop_vars(["time"]))
+        xr.testing.assert_allclose(
+            dataset["error"].drop_vars(["time"]),
+            as_trajectories(run.to_dataset())["error"].drop_vars(["time"]),
+        )
 
 
 def test_same_run_gives_the_same_bytes_and_another_seed_others(tmp_path):
@@ -115,7 +152,11 @@ def test_same_run_gives_the_same_bytes_and_another_seed_others(tmp_path):
 
 
 def test_run_without_condition_or_regular_covariance_with_any_name_and_seed_is_written(tmp_path):
-    auv = {"name": "Żółw 1", "survey": {"kind": "static", "x": 5.0, "y": 1.0}, "first_estimate": {"sigma_position": 0.0}}
+    auv = {
+        "name": "Żółw 1",
+        "survey": {"kind": "static", "x": 5.0, "y": 1.0},
+        "first_estimate": {"sigma_position": 0.0},
+    }
     data = {
         "origin": {"lat": 0.0, "lon": 0.0},
         "cna": {"speed": 1.0, "min_turn_radius": 1.0},
@@ -135,7 +176,12 @@ def test_run_without_condition_or_regular_covariance_with_any_name_and_seed_is_w
 
 def test_squared_ranges_are_in_square_metres(run):
     table = run.scenario.table
-    squared = replace(run.scenario, table=table.model_copy(update={"ranging": table.ranging.model_copy(update={"kind": "squared-range"})}))
+    squared = replace(
+        run.scenario,
+        table=table.model_copy(
+            update={"ranging": table.ranging.model_copy(update={"kind": "squared-range"})}
+        ),
+    )
     assert to_dataset(replace(run, scenario=squared))["range"].attrs["units"] == "m2"
     assert to_dataset(run)["range"].attrs["units"] == "m"
 

@@ -44,7 +44,10 @@ def texts(figure):
     said = [figure.get_suptitle()]
     for axes in figure.axes:
         said += [axes.get_xlabel(), axes.get_ylabel(), axes.get_title(loc="left"), axes.get_title()]
-        said += [text.get_text() for text in (*axes.texts, *(axes.get_legend().get_texts() if axes.get_legend() else ()))]
+        said += [
+            text.get_text()
+            for text in (*axes.texts, *(axes.get_legend().get_texts() if axes.get_legend() else ()))
+        ]
     return [text for text in said if text]
 
 
@@ -62,7 +65,16 @@ def test_map_shows_every_track_to_scale_inside_its_frame(formation):
         assert (points < high).all()
     assert (axes.get_xlim(), axes.get_ylim()) == ((low[0], high[0]), (low[1], high[1]))
     said = " ".join(texts(figure))
-    for word in ("[m]", "fixed-formation", "path-inertia", f"{formation.rms_error:.2f} m", "95 % ellipse", "top", "left", "right"):
+    for word in (
+        "[m]",
+        "fixed-formation",
+        "path-inertia",
+        f"{formation.rms_error:.2f} m",
+        "95 % ellipse",
+        "top",
+        "left",
+        "right",
+    ):
         assert word in said, word
 
 
@@ -94,13 +106,19 @@ def test_ellipse_is_where_the_squared_mahalanobis_distance_is_95_percent_of_chi_
     P, center = A @ A.transpose(0, 2, 1), rng.normal(size=(5, 2))
     for outline_, S, c in zip(ellipses(P, center), P, center, strict=True):
         d = outline_ - c
-        np.testing.assert_allclose(np.einsum("ki,ij,kj->k", d, np.linalg.inv(S), d), chi2.ppf(0.95, 2), rtol=1e-9)
+        np.testing.assert_allclose(
+            np.einsum("ki,ij,kj->k", d, np.linalg.inv(S), d), chi2.ppf(0.95, 2), rtol=1e-9
+        )
 
 
 def test_ellipse_without_extent_is_drawn_nowhere_and_equal_ones_once():
     center = np.array([[0.0, 0.0], [0.1, 0.0], [0.2, 0.0], [50.0, 0.0], [50.0, 0.1], [80.0, 0.0]])
     P = np.array([1.0, 1.0, 25.0, 1.0, 1.0, 1e-9])[:, None, None] * np.eye(2)
-    assert apart(ellipses(P, center), center, 0.1) == [0, 2, 3]  # the same again, one five times as large, one elsewhere
+    assert apart(ellipses(P, center), center, 0.1) == [
+        0,
+        2,
+        3,
+    ]  # the same again, one five times as large, one elsewhere
 
 
 def test_consistency_band_is_the_central_95_percent_of_chi_square():
@@ -133,7 +151,9 @@ def test_errors_have_a_row_per_auv_and_one_of_separation_consistency_and_conditi
             error = (formation.mean - formation.truth)[i, :, axis]
             assert holds(axes, np.stack([time, error], axis=-1))
             band = axes.collections[0].get_paths()[0].vertices
-            np.testing.assert_allclose(band[:, 1].max(), 3 * np.sqrt(formation.covariance[i, :, axis, axis]).max())
+            np.testing.assert_allclose(
+                band[:, 1].max(), 3 * np.sqrt(formation.covariance[i, :, axis, axis]).max()
+            )
             assert axes.get_ylim()[1] > np.abs(error).max()
         assert holds(distance, np.stack([time, formation.error[i]], axis=-1))
         bound = np.sqrt(np.trace(formation.cramer_rao[i, :, :2, :2], axis1=1, axis2=2))
@@ -160,10 +180,14 @@ def test_long_missions_are_told_in_minutes(formation):
 
 
 def test_errors_of_a_filter_without_uncertainty_are_drawn(formation):
-    certain = replace(formation, covariance=np.zeros_like(formation.covariance), mean=formation.truth)
+    certain = replace(
+        formation, covariance=np.zeros_like(formation.covariance), mean=formation.truth
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        certain.__dict__["cramer_rao"] = certain.covariance  # no information matrix has an inverse here
+        certain.__dict__["cramer_rao"] = (
+            certain.covariance
+        )  # no information matrix has an inverse here
         assert png(lambda: errors_figure(certain))
 
 
@@ -207,12 +231,16 @@ def test_comparison_draws_every_mission_with_median_and_quartiles_the_best_first
     assert [label.get_text() for label in panel.get_yticklabels()] == ["good", "bad"]
     dots, bar, median = lines(panel)[:3]
     assert sorted(dots[:, 0]) == [1.0, 2.0, 3.0, 9.0]
-    np.testing.assert_allclose(bar[:, 0], [1.75, 4.5])  # by linear interpolation between the sorted values
+    np.testing.assert_allclose(
+        bar[:, 0], [1.75, 4.5]
+    )  # by linear interpolation between the sorted values
     assert median[0, 0] == 2.5
     assert "title;  dot: one mission; bar: median and quartiles" in texts(figure)
 
 
-@pytest.mark.parametrize(("values", "scale"), [([1.0, 9.0], "linear"), ([1.0, 11.0], "log"), ([0.0, 11.0], "linear")])
+@pytest.mark.parametrize(
+    ("values", "scale"), [([1.0, 9.0], "linear"), ([1.0, 11.0], "log"), ([0.0, 11.0], "linear")]
+)
 def test_comparison_is_logarithmic_only_beyond_a_decade_and_above_zero(values, scale):
     figure = compare_figure(rows(one=values))
     assert figure.axes[0].get_xscale() == scale

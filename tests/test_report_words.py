@@ -12,7 +12,14 @@ from obsplan.report import compare_table, planner_notes, run_table, verdicts
 from obsplan.report.verdict import INSIDE, mirror, sentence
 from obsplan.simulation import simulate
 
-FIGURES = {"rms_error_m": 1.0, "max_error_m": 5.0, "mean_nees": 2.0, "pcrb_rms_m": 1.5, "separation_mean_m": 3.0, "separation_max_m": 5.0}
+FIGURES = {
+    "rms_error_m": 1.0,
+    "max_error_m": 5.0,
+    "mean_nees": 2.0,
+    "pcrb_rms_m": 1.5,
+    "separation_mean_m": 3.0,
+    "separation_max_m": 5.0,
+}
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +37,11 @@ def estimated(run, mean, sigma):
     """The run as if the filter had said so: position (samples, 2) and standard deviation [m]."""
     states = run.mean.copy()
     states[0, :, :2] = mean
-    return replace(run, mean=states, covariance=np.broadcast_to(sigma**2 * np.eye(4), run.covariance.shape).copy())
+    return replace(
+        run,
+        mean=states,
+        covariance=np.broadcast_to(sigma**2 * np.eye(4), run.covariance.shape).copy(),
+    )
 
 
 def shown(table):
@@ -57,15 +68,22 @@ def test_95_percent_ellipse_is_that_of_chi_square():
     assert chi2.cdf(INSIDE, 2) == pytest.approx(0.95, abs=1e-4)
 
 
-@pytest.mark.parametrize(("nees", "word"), [(0.4, "cautious"), (0.6, "consistent"), (3.9, "consistent"), (4.1, "overconfident")])
+@pytest.mark.parametrize(
+    ("nees", "word"),
+    [(0.4, "cautious"), (0.6, "consistent"), (3.9, "consistent"), (4.1, "overconfident")],
+)
 def test_filter_is_judged_by_its_mean_nees(run, nees, word):
-    assert f"filter {word} (NEES {nees} where 2 is expected, inside its 95 % ellipse" in said(run, mean_nees=nees)
+    assert f"filter {word} (NEES {nees} where 2 is expected, inside its 95 % ellipse" in said(
+        run, mean_nees=nees
+    )
 
 
 def test_share_of_time_inside_the_ellipse_is_counted(run):
     error = np.zeros((201, 2))
     error[:50, 0] = 3.0  # of 201; beyond sqrt(5.991) = 2.45 σ
-    assert "inside its 95 % ellipse 75 % of the time" in said(estimated(run, run.truth[0, :, :2] + error, 1.0))
+    assert "inside its 95 % ellipse 75 % of the time" in said(
+        estimated(run, run.truth[0, :, :2] + error, 1.0)
+    )
 
 
 def test_singular_covariance_has_no_verdict_on_the_filter(run):
@@ -77,7 +95,10 @@ def test_singular_covariance_has_no_verdict_on_the_filter(run):
     [
         ({"rms_error_m": 3.0}, ", 2.0 times its Cramér–Rao bound of 1.50 m;"),
         ({"rms_error_m": 1.0}, ", below its average Cramér–Rao bound of 1.50 m;"),
-        ({"pcrb_rms_m": 20.0, "bound_rms_m": 15.0}, " bound of 20.0 m, which no path brings below 15.0 m (efficiency 75 %);"),
+        (
+            {"pcrb_rms_m": 20.0, "bound_rms_m": 15.0},
+            " bound of 20.0 m, which no path brings below 15.0 m (efficiency 75 %);",
+        ),
         ({"pcrb_rms_m": 150.0, "bound_rms_m": None}, " bound of 150 m;"),
     ],
 )
@@ -90,7 +111,10 @@ def test_missing_bound_is_not_mentioned(run, pcrb):
     assert "Cramér" not in said(run, pcrb_rms_m=pcrb)
 
 
-@pytest.mark.parametrize(("k", "stretch", "when"), [(2, 1, "at the start"), (100, 1, "after 10 s"), (100, 100, "after 16.7 min")])
+@pytest.mark.parametrize(
+    ("k", "stretch", "when"),
+    [(2, 1, "at the start"), (100, 1, "after 10 s"), (100, 100, "after 16.7 min")],
+)
 def test_worst_error_is_told_with_its_time(run, k, stretch, when):
     error = np.zeros((201, 2))
     error[k] = 5.0
@@ -109,16 +133,22 @@ def test_anchored_beacon_that_lost_its_auv_to_the_mirror_image_is_told():
 
 def test_straight_pass_that_put_the_auv_on_the_other_side_is_told(run):
     t = np.linspace(-1.0, 1.0, 201)
-    path = np.stack([10 * t, 10 * t, 0 * t], axis=-1)  # along y = x, past an AUV at (-3, 3): its image is at (3, -3)
+    path = np.stack(
+        [10 * t, 10 * t, 0 * t], axis=-1
+    )  # along y = x, past an AUV at (-3, 3): its image is at (3, -3)
     truth = run.truth.copy()
     truth[..., :2] = [-3.0, 3.0]
     passed = replace(run, cna=path, truth=truth)
     assert "mirror image" in said(estimated(passed, [3.0, -3.0], 0.1))
-    assert "straight line: ranges cannot tell left from right" in said(estimated(passed, [-3.0, 3.0], 0.1))
+    assert "straight line: ranges cannot tell left from right" in said(
+        estimated(passed, [-3.0, 3.0], 0.1)
+    )
 
 
 def test_estimate_whose_ranges_fit_elsewhere_is_told(run):
-    turned = run.cna[:, :2] @ np.array([[0.0, 1.0], [-1.0, 0.0]])  # on the circle about the aid vehicle, at right angles to the truth
+    turned = run.cna[:, :2] @ np.array(
+        [[0.0, 1.0], [-1.0, 0.0]]
+    )  # on the circle about the aid vehicle, at right angles to the truth
     verdict = said(estimated(run, run.cna[:, :2] + turned, 0.01))
     assert "the ranges fit although the position does not" in verdict
     assert "mirror" not in verdict
@@ -133,7 +163,9 @@ def test_estimate_that_is_no_number_is_told(run):
     mean = np.zeros((201, 2))
     mean[150:] = np.nan
     broken = estimated(run, mean, 1.0)
-    assert verdicts(broken) == ["alpha: position lost after 15 s, where the filter's estimate stopped being a number."]
+    assert verdicts(broken) == [
+        "alpha: position lost after 15 s, where the filter's estimate stopped being a number."
+    ]
 
 
 def test_aid_vehicle_that_keeps_its_place_beside_the_auv_is_told(run):
@@ -143,14 +175,18 @@ def test_aid_vehicle_that_keeps_its_place_beside_the_auv_is_told(run):
 
 
 def test_separation_beyond_any_modem_is_told(run):
-    assert "beware, 3000 m apart, where acoustic modems reach 2500 m at best" in said(run, separation_max_m=3000.0)
+    assert "beware, 3000 m apart, where acoustic modems reach 2500 m at best" in said(
+        run, separation_max_m=3000.0
+    )
     assert "modem" not in said(run, separation_max_m=2000.0)
 
 
 def test_reflection_across_the_diagonal_swaps_east_and_north():
     path = np.array([[0.0, 0.0], [5.0, 5.0], [9.0, 9.0]])
     np.testing.assert_allclose(
-        mirror(np.array([[1.0, 2.0], [-4.0, 0.5], [3.0, 3.0]]), path), [[2.0, 1.0], [0.5, -4.0], [3.0, 3.0]], atol=1e-12
+        mirror(np.array([[1.0, 2.0], [-4.0, 0.5], [3.0, 3.0]]), path),
+        [[2.0, 1.0], [0.5, -4.0], [3.0, 3.0]],
+        atol=1e-12,
     )
 
 
@@ -169,7 +205,14 @@ def test_table_has_a_row_per_auv_and_one_of_all_with_units():
     run = simulate("fixed-formation")
     text = shown(run_table(run))
     assert text.splitlines()[0].strip() == f"fixed-formation, path-inertia, seed {run.seed}"
-    for heading in ("RMS error [m]", "Worst error [m]", "PCRB RMS [m]", "NEES [-]", "Max sep. [m]", "NEES: 2 if consistent"):
+    for heading in (
+        "RMS error [m]",
+        "Worst error [m]",
+        "PCRB RMS [m]",
+        "NEES [-]",
+        "Max sep. [m]",
+        "NEES: 2 if consistent",
+    ):
         assert heading in text
     rows = [line.split("│")[1:-1] for line in text.splitlines() if "│" in line]
     assert [row[0].strip() for row in rows] == ["top", "left", "right", "all"]
@@ -192,8 +235,17 @@ def test_table_of_one_auv_has_no_row_of_all_and_a_dash_for_what_is_unknown(run):
 
 
 ROWS = [
-    {"planner": planner, "seed": seed, "rms_error_m": rms, "max_error_m": 2 * rms, "separation_mean_m": 7.0}
-    for planner, values in {"[bold]far": [30.0, 10.0, 20.0, 40.0], "near": [1.0, 3.0, 2.0, 200.0]}.items()
+    {
+        "planner": planner,
+        "seed": seed,
+        "rms_error_m": rms,
+        "max_error_m": 2 * rms,
+        "separation_mean_m": 7.0,
+    }
+    for planner, values in {
+        "[bold]far": [30.0, 10.0, 20.0, 40.0],
+        "near": [1.0, 3.0, 2.0, 200.0],
+    }.items()
     for seed, rms in enumerate(values)
 ]
 
@@ -201,21 +253,41 @@ ROWS = [
 def test_comparison_over_seeds_has_medians_and_quartiles_the_best_first():
     text = shown(compare_table(ROWS))
     assert "median [quartiles] over 4 seeds" in text
-    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in text.splitlines() if "│" in line]
-    assert rows == [  # sorted 1 2 3 200: quartiles by linear interpolation at 0.75, 1.5, 2.25 of the way
-        ["near", "2.50 [1.75, 52.25]", "5.00 [3.50, 104.50]", "7.00 [7.00, 7.00]"],
-        ["[bold]far", "25.00 [17.50, 32.50]", "50.00 [35.00, 65.00]", "7.00 [7.00, 7.00]"],
+    rows = [
+        [cell.strip() for cell in line.split("│")[1:-1]]
+        for line in text.splitlines()
+        if "│" in line
     ]
+    assert (
+        rows
+        == [  # sorted 1 2 3 200: quartiles by linear interpolation at 0.75, 1.5, 2.25 of the way
+            ["near", "2.50 [1.75, 52.25]", "5.00 [3.50, 104.50]", "7.00 [7.00, 7.00]"],
+            ["[bold]far", "25.00 [17.50, 32.50]", "50.00 [35.00, 65.00]", "7.00 [7.00, 7.00]"],
+        ]
+    )
 
 
 def test_comparison_over_one_seed_has_the_figures_themselves():
     text = shown(compare_table(ROWS[::4]))
     assert "median" not in text
-    assert [line.split("│")[2].strip() for line in text.splitlines() if "│" in line] == ["1.00", "30.00"]
+    assert [line.split("│")[2].strip() for line in text.splitlines() if "│" in line] == [
+        "1.00",
+        "30.00",
+    ]
 
 
 def test_comparison_counts_filters_that_failed_and_puts_them_last():
-    failed = {"planner": "none", "seed": 0, "rms_error_m": None, "max_error_m": None, "separation_mean_m": 1.0}
+    failed = {
+        "planner": "none",
+        "seed": 0,
+        "rms_error_m": None,
+        "max_error_m": None,
+        "separation_mean_m": 1.0,
+    }
     text = shown(compare_table([failed, *ROWS]))
-    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in text.splitlines() if "│" in line]
+    rows = [
+        [cell.strip() for cell in line.split("│")[1:-1]]
+        for line in text.splitlines()
+        if "│" in line
+    ]
     assert rows[-1] == ["none", "1 of 1 failed", "1 of 1 failed", "1.00"]

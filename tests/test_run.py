@@ -26,8 +26,12 @@ def test_error_nees_and_separation_are_those_of_their_formulas(run):
     for i, k in every_sample(run):
         d = run.mean[i, k, :2] - run.truth[i, k, :2]
         assert run.error[i, k] == pytest.approx(math.hypot(*d), rel=1e-14)
-        assert run.nees[i, k] == pytest.approx(d @ np.linalg.inv(run.covariance[i, k, :2, :2]) @ d, rel=1e-9)
-        assert run.separation[i, k] == pytest.approx(math.dist(run.cna[k, :2], run.truth[i, k, :2]), rel=1e-14)
+        assert run.nees[i, k] == pytest.approx(
+            d @ np.linalg.inv(run.covariance[i, k, :2, :2]) @ d, rel=1e-9
+        )
+        assert run.separation[i, k] == pytest.approx(
+            math.dist(run.cna[k, :2], run.truth[i, k, :2]), rel=1e-14
+        )
 
 
 def test_rms_and_greatest_error_are_over_time_and_auvs_with_the_first_estimate(run):
@@ -46,10 +50,16 @@ def test_nees_of_a_singular_covariance_is_not_a_number(run):
 
 @pytest.mark.parametrize("kind", ["range", "squared-range"])
 def test_cramer_rao_bound_is_the_covariance_of_a_filter_that_makes_no_error(kind, monkeypatch):
-    monkeypatch.setattr(loop_inputs, "streams", lambda seed: [Silent] * 3)  # noqa: ARG005
+    monkeypatch.setattr(loop_inputs, "streams", lambda seed: [Silent] * 3)
     noise = {"position": 0.08, "heading_deg": 1.0, "speed": 0.05}
     run = op.simulate(
-        scenario(ranging__kind=kind, ranging__sigma=0.8, environment__current=(0.3, 0.1), estimator={"process_noise": noise}, duration=60.0)
+        scenario(
+            ranging__kind=kind,
+            ranging__sigma=0.8,
+            environment__current=(0.3, 0.1),
+            estimator={"process_noise": noise},
+            duration=60.0,
+        )
     )
     assert run.max_error < 1e-9
     np.testing.assert_allclose(run.cramer_rao, run.covariance, rtol=1e-7, atol=1e-10)
@@ -64,7 +74,9 @@ def test_information_bound_lies_below_what_the_path_achieves(run):
     summary = run.summary()
     for figures in (summary["all"], *summary["auv"].values()):
         assert 0 < figures["bound_rms_m"] <= figures["pcrb_rms_m"]
-        assert figures["efficiency"] == pytest.approx(figures["bound_rms_m"] / figures["pcrb_rms_m"], rel=1e-12)
+        assert figures["efficiency"] == pytest.approx(
+            figures["bound_rms_m"] / figures["pcrb_rms_m"], rel=1e-12
+        )
 
 
 def test_summary_is_json_and_its_figures_are_those_of_each_auv_and_of_all(run):
@@ -77,7 +89,9 @@ def test_summary_is_json_and_its_figures_are_those_of_each_auv_and_of_all(run):
     }
     assert list(summary["auv"]) == run.names == ["a", "b"]
     for i, figures in enumerate(summary["auv"].values()):
-        assert figures["rms_error_m"] == pytest.approx(math.sqrt((run.error[i] ** 2).mean()), rel=1e-12)
+        assert figures["rms_error_m"] == pytest.approx(
+            math.sqrt((run.error[i] ** 2).mean()), rel=1e-12
+        )
         assert figures["max_error_m"] == run.error[i].max()
         assert figures["mean_nees"] == pytest.approx(run.nees[i].mean(), rel=1e-12)
         assert figures["separation_mean_m"] == pytest.approx(run.separation[i].mean(), rel=1e-12)
@@ -85,9 +99,15 @@ def test_summary_is_json_and_its_figures_are_those_of_each_auv_and_of_all(run):
         variance = run.cramer_rao[i, :, 0, 0] + run.cramer_rao[i, :, 1, 1]
         assert figures["pcrb_rms_m"] == pytest.approx(math.sqrt(variance.mean()), rel=1e-12)
     assert summary["all"]["rms_error_m"] == pytest.approx(run.rms_error, rel=1e-12)
-    assert summary["all"]["max_error_m"] == run.max_error == max(f["max_error_m"] for f in summary["auv"].values())
+    assert (
+        summary["all"]["max_error_m"]
+        == run.max_error
+        == max(f["max_error_m"] for f in summary["auv"].values())
+    )
     for key in ("rms_error_m", "pcrb_rms_m", "bound_rms_m"):
-        assert summary["all"][key] ** 2 == pytest.approx(np.mean([f[key] ** 2 for f in summary["auv"].values()]), rel=1e-12)
+        assert summary["all"][key] ** 2 == pytest.approx(
+            np.mean([f[key] ** 2 for f in summary["auv"].values()]), rel=1e-12
+        )
 
 
 def test_summary_leaves_out_the_bound_if_asked_to_and_says_nothing_where_there_is_no_number(run):
@@ -101,7 +121,9 @@ def test_status_is_counted_by_its_label_once_per_decision(run):
     counts = run.status_counts
     assert set(counts) <= {status.label for status in Status}
     assert sum(counts.values()) == 20 == np.isfinite(run.status).sum()
-    assert op.simulate(scenario(planner={"kind": "circle", "interval": 2.0})).status_counts == {"optimal": 10}
+    assert op.simulate(scenario(planner={"kind": "circle", "interval": 2.0})).status_counts == {
+        "optimal": 10
+    }
     straight = op.simulate(scenario(auv__0__weight=0.0, auv__1__weight=0.0))
     assert straight.status_counts == {"no-targets": 20}
 
@@ -109,7 +131,9 @@ def test_status_is_counted_by_its_label_once_per_decision(run):
 def test_condition_number_is_recorded_per_auv_at_each_decision_and_labelled():
     labels = {"path-inertia": "κ(J)", "gramian": "κ(W)", "circle": "", "stationary": ""}
     for name, label in labels.items():
-        recorded = op.simulate(scenario(planner={"kind": name, "interval": 1.0, "knowledge": "truth"}))
+        recorded = op.simulate(
+            scenario(planner={"kind": name, "interval": 1.0, "knowledge": "truth"})
+        )
         assert recorded.condition_label == label
         decided = np.isfinite(recorded.status)
         assert (np.isfinite(recorded.condition) == (decided & bool(label))).all()

@@ -85,7 +85,9 @@ def test_static_survey_needs_a_duration():
 
 
 def test_unknown_names_suggest_the_nearest(tmp_path):
-    with pytest.raises(ObsplanError, match=r'no scenario "harbour-survey" .* did you mean "harbor-survey"'):
+    with pytest.raises(
+        ObsplanError, match=r'no scenario "harbour-survey" .* did you mean "harbor-survey"'
+    ):
         load("harbour-survey")
     with pytest.raises(ObsplanError, match='no planner "circl"; did you mean "circle"'):
         load("harbor-survey", planner="circl")
@@ -118,13 +120,19 @@ def test_rubbish_gives_nothing_but_our_error(tmp_path_factory, content):
 def test_planner_is_replaced_at_the_same_interval_and_knowledge():
     original = load("survey-slow")
     other = load("survey-slow", planner="path-inertia", settings=["planner.gamma=0.25"])
-    assert (other.table.planner.interval, other.table.planner.knowledge) == (original.table.planner.interval, "truth")
+    assert (other.table.planner.interval, other.table.planner.knowledge) == (
+        original.table.planner.interval,
+        "truth",
+    )
     assert other.planner().gamma == 0.25
     assert replanned(original, "path-inertia").table.planner.gamma == 1.0
 
 
 def test_settings_reach_into_lists_and_keep_their_types():
-    scenario = load("harbor-survey", settings=["auv.1.speed=0.9", "environment.current=[0.1, -0.1]", "name=other"])
+    scenario = load(
+        "harbor-survey",
+        settings=["auv.1.speed=0.9", "environment.current=[0.1, -0.1]", "name=other"],
+    )
     assert scenario.table.auv[1].speed == 0.9
     assert scenario.table.environment.current == (0.1, -0.1)
     assert scenario.table.name == "other"
@@ -144,11 +152,23 @@ def test_circle_just_encloses_every_survey():
     points = np.concatenate([reference.polyline for reference in load("harbor-survey").references])
     distance = np.hypot(*(points - circle.center).T)
     assert distance.max() == pytest.approx(circle.radius, rel=1e-9)
-    assert (np.isclose(distance, circle.radius, rtol=1e-6)).sum() >= 2  # it touches, so none smaller has this centre
+    assert (
+        np.isclose(distance, circle.radius, rtol=1e-6)
+    ).sum() >= 2  # it touches, so none smaller has this centre
 
 
 def test_first_estimate_is_drawn_where_it_is_not_given():
-    scenario = from_dict({**SMALL, "auv": [{**SMALL["auv"][0], "first_estimate": {"x": 3.0, "heading_deg": 45.0, "sigma_position": 2.0}}]})
+    scenario = from_dict(
+        {
+            **SMALL,
+            "auv": [
+                {
+                    **SMALL["auv"][0],
+                    "first_estimate": {"x": 3.0, "heading_deg": 45.0, "sigma_position": 2.0},
+                }
+            ],
+        }
+    )
     truth, error = np.array([[1.0, 2.0, 0.1, 1.0]]), np.array([[9.0, 0.5, 9.0, -1.0]])
     mean, covariance = scenario.first_estimates(truth, error)
     np.testing.assert_allclose(mean[0], [3.0, 2.0 + 2.0 * 0.5, math.pi / 4, 1.0 - 0.5])
@@ -156,7 +176,11 @@ def test_first_estimate_is_drawn_where_it_is_not_given():
 
 
 def test_schema_lists_every_key_with_its_meaning():
-    rows = {f"{path}.{key}": (kind, default, text) for path, keys in sections() for key, kind, default, text in keys}
+    rows = {
+        f"{path}.{key}": (kind, default, text)
+        for path, keys in sections()
+        for key, kind, default, text in keys
+    }
     assert rows["cna.speed"] == ("number", "required", "cruising speed [m/s]")
     assert rows['auv[].survey, kind = "lawnmower".side'][0] == '"left" | "right"'
     assert all(text for _, _, text in rows.values())
@@ -166,4 +190,7 @@ def test_schema_lists_every_key_with_its_meaning():
 
 @pytest.mark.parametrize(("time_step", "steps"), [(0.1, 10), (0.3, 3), (0.5, 2), (2.0, 1)])
 def test_decisions_are_about_a_second_apart_unless_the_scenario_says(time_step, steps):
-    assert from_dict({**SMALL, "time_step": time_step, "ranging": {"interval": 6.0}}).decide_every == steps
+    assert (
+        from_dict({**SMALL, "time_step": time_step, "ranging": {"interval": 6.0}}).decide_every
+        == steps
+    )

@@ -13,7 +13,10 @@ from obsplan.simulation import ClosedLoop
 from obsplan.simulation import inputs as loop_inputs
 from obsplan.simulation.inputs import mission_inputs
 
-QUIET = {"process_noise": {}, "first_estimate": {"sigma_position": 0.0, "sigma_heading_deg": 0.0, "sigma_speed": 0.0}}
+QUIET = {
+    "process_noise": {},
+    "first_estimate": {"sigma_position": 0.0, "sigma_heading_deg": 0.0, "sigma_speed": 0.0},
+}
 CURRENT = (0.4, -0.3)
 
 
@@ -33,7 +36,9 @@ class Wanderer:
         speed = float(self.generator.uniform(0.0, 3.0))
         turn_rate = float(self.generator.uniform(-1.0, 1.0)) * speed / 5.0
         path = np.array([[pose.x, pose.y, pose.heading]])
-        return op.Decision(turn_rate=turn_rate, speed=speed, path=path, score=turn_rate, status=Status.OPTIMAL)
+        return op.Decision(
+            turn_rate=turn_rate, speed=speed, path=path, score=turn_rate, status=Status.OPTIMAL
+        )
 
 
 # Truth
@@ -46,18 +51,26 @@ def test_without_process_noise_the_truth_is_the_survey_with_its_corners(current,
     run = op.simulate(mission)
     for truth, reference in zip(run.truth, mission.references, strict=True):
         np.testing.assert_allclose(truth[:, :2], reference.position(run.time), atol=1e-9)
-    assert max(reference.arrival[1] for reference in mission.references) < 80.0  # corners and the end are passed
+    assert (
+        max(reference.arrival[1] for reference in mission.references) < 80.0
+    )  # corners and the end are passed
 
 
 def test_process_noise_moves_the_truth_as_a_random_walk_of_its_strength():
-    mission = scenario(duration=500.0, time_step=0.25, ranging__interval=2.0, planner={"kind": "stationary"})
+    mission = scenario(
+        duration=500.0, time_step=0.25, ranging__interval=2.0, planner={"kind": "stationary"}
+    )
     run = op.simulate(mission)
     drift = run.truth[..., :2] - np.stack([r.position(run.time) for r in mission.references])
-    under_way = int(4 * max(r.duration for r in mission.references))  # where headings and speeds off the survey's add to it
+    under_way = int(
+        4 * max(r.duration for r in mission.references)
+    )  # where headings and speeds off the survey's add to it
     moved = np.diff(drift[:, under_way:], axis=1)
     assert kstest(moved.ravel() / (0.05 * np.sqrt(0.25)), "norm").pvalue > 0.01
     wanted = np.stack([np.column_stack([m.heading, m.speed]) for m in mission.motions])
-    off = (run.truth[:, 1:, 2:] - wanted[:, 1:]) / (np.sqrt(0.25) * np.array([np.deg2rad(0.5), 0.02]))
+    off = (run.truth[:, 1:, 2:] - wanted[:, 1:]) / (
+        np.sqrt(0.25) * np.array([np.deg2rad(0.5), 0.02])
+    )
     assert kstest(off.ravel(), "norm").pvalue > 0.01  # the autopilot brings both back every step
     assert np.abs(drift[:, -1]).max() > 0.2  # but not the position
 
@@ -66,7 +79,9 @@ def test_aid_vehicle_moves_on_exact_arcs_at_the_turn_and_speed_recorded():
     run = op.simulate(scenario(), planner=Wanderer())
     assert np.unique(run.turn_rate).size == np.unique(run.speed).size == 20
     for k in range(run.time.size - 1):
-        np.testing.assert_allclose(run.cna[k + 1], arc(run.cna[k], run.turn_rate[k], run.speed[k], 0.5), atol=1e-10)
+        np.testing.assert_allclose(
+            run.cna[k + 1], arc(run.cna[k], run.turn_rate[k], run.speed[k], 0.5), atol=1e-10
+        )
     np.testing.assert_array_equal(run.cna[0], [80.0, -30.0, np.deg2rad(140.0)])
 
 
@@ -94,14 +109,23 @@ def test_estimates_are_those_of_a_filter_in_plain_numpy(kind, current):
     _, inputs = mission_inputs(mission, mission.start, 5)
     Q = 0.5 * np.diag([0.08, 0.08, np.deg2rad(1.0), 0.05]) ** 2
     for i in range(2):
-        ekf = NumpyEkf(run.mean[i, 0], np.diag([2.0, 2.0, np.deg2rad(2.0), 0.5]) ** 2, Q, 0.5, current)
+        ekf = NumpyEkf(
+            run.mean[i, 0], np.diag([2.0, 2.0, np.deg2rad(2.0), 0.5]) ** 2, Q, 0.5, current
+        )
         np.testing.assert_allclose(run.covariance[i, 0], ekf.P, rtol=1e-14)
         for k in range(40):
-            made = inputs.steer[k, i] - run.truth[i, k, 2:]  # turn and change of speed, which the vehicle measures
+            made = (
+                inputs.steer[k, i] - run.truth[i, k, 2:]
+            )  # turn and change of speed, which the vehicle measures
             ekf.predict(*made)
             ekf.heading(run.truth[i, k + 1, 2] + inputs.heading_error[k, i, 0], np.deg2rad(1.0))
             if (k + 1) % 4 == 0:
-                ekf.range(run.range[i, k + 1], run.cna[k + 1, :2], mission.table.ranging.sigma, kind == "squared-range")
+                ekf.range(
+                    run.range[i, k + 1],
+                    run.cna[k + 1, :2],
+                    mission.table.ranging.sigma,
+                    kind == "squared-range",
+                )
             np.testing.assert_allclose(run.mean[i, k + 1], ekf.x, atol=1e-9)
             np.testing.assert_allclose(run.covariance[i, k + 1], ekf.P, atol=1e-9)
 
@@ -109,14 +133,23 @@ def test_estimates_are_those_of_a_filter_in_plain_numpy(kind, current):
 def test_filter_certain_of_its_start_reckons_the_way_through_corners_and_current():
     run = op.simulate(quiet(environment__current=CURRENT, duration=60.0))
     np.testing.assert_allclose(run.mean, run.truth, atol=1e-9)
-    assert np.ptp(run.truth[0, :, 3]) > 0.1  # chords across corners change the speed: that input matters too
+    assert (
+        np.ptp(run.truth[0, :, 3]) > 0.1
+    )  # chords across corners change the speed: that input matters too
     assert np.ptp(run.truth[0, :, 2]) > 0.5
 
 
 def test_first_estimates_are_drawn_with_their_stated_deviations():
-    loop = ClosedLoop(scenario=scenario(duration=0.5, planner={"kind": "stationary"}), planner=op.Stationary())
+    loop = ClosedLoop(
+        scenario=scenario(duration=0.5, planner={"kind": "stationary"}), planner=op.Stationary()
+    )
     runs = [loop.fly(seed) for seed in range(300)]
-    errors = np.array([run.mean[:, 0] - run.truth[:, 0] for run in runs]).reshape(-1, 4) / [2.0, 2.0, np.deg2rad(2.0), 0.5]
+    errors = np.array([run.mean[:, 0] - run.truth[:, 0] for run in runs]).reshape(-1, 4) / [
+        2.0,
+        2.0,
+        np.deg2rad(2.0),
+        0.5,
+    ]
     assert kstest(errors.ravel(), "norm").pvalue > 0.01
     np.testing.assert_allclose(np.corrcoef(errors.T), np.eye(4), atol=4 / np.sqrt(600))
 
@@ -134,9 +167,20 @@ def consistent(**change):
         [[9.0, 0.0], [9.0, -20.0], [90.0, 0.0]],
         [[-9.0, 0.0], [0.0, 90.0]],
     ]
-    auvs = [{"name": f"{i}", "survey": {"kind": "waypoints", "points": way}, **auv} for i, way in enumerate(ways)]
+    auvs = [
+        {"name": f"{i}", "survey": {"kind": "waypoints", "points": way}, **auv}
+        for i, way in enumerate(ways)
+    ]
     circle = {"kind": "circle", "center": (0.0, 0.0), "radius": 200.0}
-    return scenario(auv=auvs, planner=circle, time_step=1.0, duration=60.0, cna__speed=10.0, ranging__sigma=1.0, **change)
+    return scenario(
+        auv=auvs,
+        planner=circle,
+        time_step=1.0,
+        duration=60.0,
+        cna__speed=10.0,
+        ranging__sigma=1.0,
+        **change,
+    )
 
 
 def final_nees(mission, missions):
@@ -153,7 +197,12 @@ def test_final_nees_over_independent_runs_is_chi_square():
 
 def test_filter_told_half_the_process_noise_is_found_out():
     half = {"position": 0.05, "heading_deg": 0.25, "speed": 0.015}
-    assert kstest(final_nees(consistent(estimator={"process_noise": half}), 100), "chi2", args=(2,)).pvalue < 1e-4
+    assert (
+        kstest(
+            final_nees(consistent(estimator={"process_noise": half}), 100), "chi2", args=(2,)
+        ).pvalue
+        < 1e-4
+    )
 
 
 # Ranges
@@ -169,7 +218,13 @@ def test_ranges_are_measured_at_their_interval_and_none_at_time_zero():
 
 @pytest.mark.parametrize(("kind", "power"), [("range", 1), ("squared-range", 2)])
 def test_range_error_is_normal_with_its_stated_deviation(kind, power):
-    mission = scenario(ranging__kind=kind, ranging__sigma=0.7, ranging__interval=0.5, duration=1000.0, planner={"kind": "stationary"})
+    mission = scenario(
+        ranging__kind=kind,
+        ranging__sigma=0.7,
+        ranging__interval=0.5,
+        duration=1000.0,
+        planner={"kind": "stationary"},
+    )
     run = op.simulate(mission)
     error = (run.range - run.separation**power)[:, 1:] / 0.7
     assert kstest(error.ravel(), "norm").pvalue > 0.01  # 4000 of them
@@ -195,16 +250,24 @@ def test_same_seed_gives_the_same_bytes_and_another_seed_other_noise():
         assert recording(first)[name] != recording(other)[name]
 
 
-@pytest.mark.parametrize("planner", ["gramian", "circle", "stationary", Wanderer()], ids=["gramian", "circle", "stationary", "wanderer"])
+@pytest.mark.parametrize(
+    "planner",
+    ["gramian", "circle", "stationary", Wanderer()],
+    ids=["gramian", "circle", "stationary", "wanderer"],
+)
 def test_every_planner_meets_the_same_noise(planner):
     mission = scenario()
     ours, theirs = op.simulate(mission), op.simulate(mission, planner=planner)
     assert not np.array_equal(ours.cna, theirs.cna)
     np.testing.assert_array_equal(ours.truth, theirs.truth)
-    np.testing.assert_array_equal(ours.mean[:, :4], theirs.mean[:, :4])  # the first estimate, and headings up to the first ping
+    np.testing.assert_array_equal(
+        ours.mean[:, :4], theirs.mean[:, :4]
+    )  # the first estimate, and headings up to the first ping
     np.testing.assert_allclose(range_error(ours), range_error(theirs), atol=1e-12)
     deaf = scenario(ranging__interval=1000.0)
-    np.testing.assert_array_equal(op.simulate(deaf).mean, op.simulate(deaf, planner=planner).mean)  # so all headings are the same
+    np.testing.assert_array_equal(
+        op.simulate(deaf).mean, op.simulate(deaf, planner=planner).mean
+    )  # so all headings are the same
 
 
 def test_process_and_measurement_noise_come_from_streams_of_their_own():
@@ -224,7 +287,7 @@ def test_longer_missions_begin_as_shorter_ones():
 
 
 def test_silence_leaves_no_noise(monkeypatch):
-    monkeypatch.setattr(loop_inputs, "streams", lambda seed: [Silent] * 3)  # noqa: ARG005
+    monkeypatch.setattr(loop_inputs, "streams", lambda seed: [Silent] * 3)
     run = op.simulate(scenario())
     np.testing.assert_allclose(range_error(run), 0.0, atol=1e-12)
     np.testing.assert_allclose(run.mean, run.truth, atol=1e-9)
@@ -238,14 +301,18 @@ def test_silence_leaves_no_noise(monkeypatch):
 def test_mission_of_any_number_of_steps_is_flown_whole(steps, folded):
     mission, calls = quiet(duration=0.5 * steps), []
     planner = mission.planner() if folded else Spy(mission.planner())
-    run = op.simulate(mission, planner=planner, progress=lambda done, total: calls.append((done, total)))
+    run = op.simulate(
+        mission, planner=planner, progress=lambda done, total: calls.append((done, total))
+    )
     assert run.time.size == steps + 1
     assert calls[-1] == (steps, steps)
     assert all(total == steps for _, total in calls)
     assert [done for done, _ in calls] == sorted({done for done, _ in calls})
     assert len(calls) == -(-steps // 256)
     for k in range(steps):
-        np.testing.assert_allclose(run.cna[k + 1], arc(run.cna[k], run.turn_rate[k], run.speed[k], 0.5), atol=1e-10)
+        np.testing.assert_allclose(
+            run.cna[k + 1], arc(run.cna[k], run.turn_rate[k], run.speed[k], 0.5), atol=1e-10
+        )
     for truth, reference in zip(run.truth, mission.references, strict=True):
         np.testing.assert_allclose(truth[:, :2], reference.position(run.time), atol=1e-9)
 
@@ -257,9 +324,15 @@ def test_duration_that_is_no_whole_number_of_steps_is_covered():
     assert survey <= run.time[-1] < survey + 0.5
 
 
-@pytest.mark.parametrize(("key", "name"), [("ranging__interval", "ranging.interval"), ("planner__interval", "planner.interval")])
+@pytest.mark.parametrize(
+    ("key", "name"),
+    [("ranging__interval", "ranging.interval"), ("planner__interval", "planner.interval")],
+)
 def test_interval_that_is_no_multiple_of_the_step_is_refused(key, name):
-    with pytest.raises(op.ObsplanError, match=rf"{name}: 0\.7 s is not a whole multiple of time_step = 0\.5 s; change one of them"):
+    with pytest.raises(
+        op.ObsplanError,
+        match=rf"{name}: 0\.7 s is not a whole multiple of time_step = 0\.5 s; change one of them",
+    ):
         scenario(**{key: 0.7})
 
 
@@ -268,8 +341,12 @@ def test_planner_is_given_by_name_by_object_or_by_the_scenario():
     assert op.simulate(mission).planner == "path-inertia"
     assert op.simulate(mission, planner="circle").planner == "circle"
     assert op.simulate(mission, planner=Wanderer()).planner == "Wanderer"
-    assert recording(op.simulate(mission, planner="path-inertia")) == recording(op.simulate(mission))
-    with pytest.raises(op.ObsplanError, match='no planner "path-inertai"; did you mean "path-inertia"'):
+    assert recording(op.simulate(mission, planner="path-inertia")) == recording(
+        op.simulate(mission)
+    )
+    with pytest.raises(
+        op.ObsplanError, match='no planner "path-inertai"; did you mean "path-inertia"'
+    ):
         op.simulate(mission, planner="path-inertai")
 
 
@@ -297,9 +374,17 @@ def test_decisions_outside_the_step_are_timed_and_folded_ones_are_not():
 
 @pytest.mark.parametrize(
     ("turn_rate", "flown", "status"),
-    [(9.0, 2.0, "clipped"), (-9.0, -2.0, "clipped"), (np.nan, 0.0, "invalid-input"), (np.inf, 0.0, "invalid-input"), (1.5, 1.5, "optimal")],
+    [
+        (9.0, 2.0, "clipped"),
+        (-9.0, -2.0, "clipped"),
+        (np.nan, 0.0, "invalid-input"),
+        (np.inf, 0.0, "invalid-input"),
+        (1.5, 1.5, "optimal"),
+    ],
 )
-def test_vehicle_flies_no_turn_beyond_its_limit_and_none_that_is_no_number(turn_rate, flown, status):
+def test_vehicle_flies_no_turn_beyond_its_limit_and_none_that_is_no_number(
+    turn_rate, flown, status
+):
     class Wild:
         def plan(self, pose, auvs, *, time=0.0):  # noqa: ARG002
             return op.Decision(turn_rate=turn_rate, speed=1.0)
@@ -314,6 +399,8 @@ def test_slow_vehicle_turns_on_no_smaller_circle():
         def plan(self, pose, auvs, *, time=0.0):  # noqa: ARG002
             return op.Decision(turn_rate=2.0, speed=0.25)
 
-    run = op.simulate("fixed-auv", planner=Slow())  # whose vehicle turns at 2 rad/s when it does 1 m/s
+    run = op.simulate(
+        "fixed-auv", planner=Slow()
+    )  # whose vehicle turns at 2 rad/s when it does 1 m/s
     np.testing.assert_array_equal(run.turn_rate, 0.5)
     assert run.status_counts == {"clipped": 200}

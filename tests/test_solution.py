@@ -29,4 +29,12 @@ def test_a_missing_solution_carries_its_status_and_no_number():
     missing = Solution.missing(Status.INFEASIBLE, n=3)
     assert missing.status == Status.INFEASIBLE
     assert missing.x.shape == (3,)
-    assert np.isnan([*missing.x, missing.objective, missing.primal_residual, missing.dual_residual, missing.duality_gap]).all()
+    assert np.isnan(
+        [
+            *missing.x,
+            missing.objective,
+            missing.primal_residual,
+            missing.dual_residual,
+            missing.duality_gap,
+        ]
+    ).all()

@@ -6,7 +6,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from obsplan.report.suite import decision_time, least_error, missions_of, read_suite, scenario_table, suite_figure, suite_table, write_suite
+from obsplan.report.suite import (
+    decision_time,
+    least_error,
+    missions_of,
+    read_suite,
+    scenario_table,
+    suite_figure,
+    suite_table,
+    write_suite,
+)
 from obsplan.scenario import load, shipped, suite
 from obsplan.types import ObsplanError
 
@@ -14,18 +23,40 @@ from obsplan.types import ObsplanError
 def table(errors):
     """A campaign's table from errors by (scenario, planner), one a seed."""
     rows = [
-        {"scenario": s, "planner": p, "seed": k, "status": "done", "rms_error_m": e, "pcrb_rms_m": e / 2, "violation_max_m": np.nan}
+        {
+            "scenario": s,
+            "planner": p,
+            "seed": k,
+            "status": "done",
+            "rms_error_m": e,
+            "pcrb_rms_m": e / 2,
+            "violation_max_m": np.nan,
+        }
         | dict.fromkeys(("max_error_m", "mean_nees", "separation_mean_m", "separation_max_m"), 1.0)
         for (s, p), values in errors.items()
         for k, e in enumerate(values)
     ]
-    return pd.DataFrame(rows)[["scenario", "planner", "seed", *[c for c in rows[0] if c not in ("scenario", "planner", "seed")]]]
+    return pd.DataFrame(rows)[
+        [
+            "scenario",
+            "planner",
+            "seed",
+            *[c for c in rows[0] if c not in ("scenario", "planner", "seed")],
+        ]
+    ]
 
 
 @pytest.fixture
 def two():
     noise = np.linspace(0.9, 1.1, 20)
-    return table({("a", "good"): noise, ("a", "bad"): 2 * noise, ("b", "good"): noise, ("b", "bad"): noise[::-1] * 0.999})
+    return table(
+        {
+            ("a", "good"): noise,
+            ("a", "bad"): 2 * noise,
+            ("b", "good"): noise,
+            ("b", "bad"): noise[::-1] * 0.999,
+        }
+    )
 
 
 def test_suite_covers_what_users_meet():
@@ -72,7 +103,11 @@ def test_the_best_on_the_whole_stands_beside_the_best_other_of_each_scenario(two
 def test_planner_that_always_fails_is_last_wins_nothing_and_ties_with_none(two, tmp_path):
     broken = table({("a", "broken"): [np.nan] * 20, ("b", "broken"): [0.5] * 20}).assign(error="")
     broken.loc[broken["rms_error_m"].isna(), "status"] = "failed"
-    result = read_suite(pd.concat([two.assign(error=""), broken]), {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0, "broken": 3.0})
+    result = read_suite(
+        pd.concat([two.assign(error=""), broken]),
+        {"a": 0.25, "b": 0.25},
+        {"good": 1.0, "bad": 2.0, "broken": 3.0},
+    )
     cell = result.cells.set_index(["scenario", "planner"]).loc[("a", "broken")]
     assert not cell["ties"]
     assert cell["ratio"] == np.inf
@@ -85,14 +120,23 @@ def test_planner_that_always_fails_is_last_wins_nothing_and_ties_with_none(two, 
 def test_worst_violation_of_any_seed_is_told(two):
     broken = two.assign(violation_max_m=[*np.linspace(-5.0, 0.7, 20), *[-1.0] * 60])
     result = read_suite(broken, {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0})
-    assert result.planners.set_index("planner")["violation_max_m"].to_dict() == {"good": 0.7, "bad": -1.0}
+    assert result.planners.set_index("planner")["violation_max_m"].to_dict() == {
+        "good": 0.7,
+        "bad": -1.0,
+    }
 
 
 def test_missions_under_other_settings_are_not_mixed_into_the_verdict(two, tmp_path):
-    cells = tuple(SimpleNamespace(scenario=s, planner=p, seeds=range(20)) for s in "ab" for p in ("good", "bad"))
+    cells = tuple(
+        SimpleNamespace(scenario=s, planner=p, seeds=range(20))
+        for s in "ab"
+        for p in ("good", "bad")
+    )
     assert len(missions_of(cells, two, tmp_path)) == 80
     assert len(missions_of(cells[:2], two, tmp_path)) == 40
-    with pytest.raises(ObsplanError, match=f"{tmp_path} has missions of these planners under several settings"):
+    with pytest.raises(
+        ObsplanError, match=f"{tmp_path} has missions of these planners under several settings"
+    ):
         missions_of(cells, pd.concat([two, two]), tmp_path)
     with pytest.raises(ObsplanError, match="give each --set one value"):
         missions_of((*cells, cells[0]), two, tmp_path)
@@ -101,7 +145,10 @@ def test_missions_under_other_settings_are_not_mixed_into_the_verdict(two, tmp_p
 def test_suite_is_written_without_what_differs_between_machines(two, tmp_path):
     for folder, speed in (("one", 1.0), ("other", 9.0)):
         (tmp_path / folder).mkdir()
-        names = write_suite(read_suite(two, {"a": 0.25, "b": 0.25}, {"good": speed, "bad": speed}), tmp_path / folder)
+        names = write_suite(
+            read_suite(two, {"a": 0.25, "b": 0.25}, {"good": speed, "bad": speed}),
+            tmp_path / folder,
+        )
     for name in names:
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "other" / name).read_bytes()
 

@@ -18,8 +18,12 @@ coordinate = st.floats(-500, 500)
 def polylines(draw):
     """Random polylines with legs of at least 1 m."""
     start = np.array([draw(coordinate), draw(coordinate)])
-    legs = draw(st.lists(st.tuples(st.floats(1, 200), st.floats(-math.pi, math.pi)), min_size=1, max_size=6))
-    return np.vstack([start, start + np.cumsum([(d * math.cos(a), d * math.sin(a)) for d, a in legs], axis=0)])
+    legs = draw(
+        st.lists(st.tuples(st.floats(1, 200), st.floats(-math.pi, math.pi)), min_size=1, max_size=6)
+    )
+    return np.vstack(
+        [start, start + np.cumsum([(d * math.cos(a), d * math.sin(a)) for d, a in legs], axis=0)]
+    )
 
 
 @st.composite
@@ -36,20 +40,34 @@ def test_lawnmower_of_three_legs_is_the_one_drawn_by_hand():
     #   1 ── 2   5        heading north from (10, 20), 100 m legs, 30 m apart, laid to the right (east)
     #   │    │   │
     #   0    3 ─ 4
-    survey = Lawnmower(legs=3, length=100.0, spacing=30.0, heading=math.pi / 2, x=10.0, y=20.0, side="right")
+    survey = Lawnmower(
+        legs=3, length=100.0, spacing=30.0, heading=math.pi / 2, x=10.0, y=20.0, side="right"
+    )
     by_hand = [[10, 20], [10, 120], [40, 120], [40, 20], [70, 20], [70, 120]]
     np.testing.assert_allclose(survey.vertices(), by_hand, atol=1e-12)
 
 
 def test_lawnmower_sides_mirror_each_other_in_the_first_leg():
-    left, right = (Lawnmower(legs=4, length=50.0, spacing=8.0, heading=0.0, side=side).vertices() for side in ("left", "right"))
+    left, right = (
+        Lawnmower(legs=4, length=50.0, spacing=8.0, heading=0.0, side=side).vertices()
+        for side in ("left", "right")
+    )
     np.testing.assert_allclose(left, right * [1, -1], atol=1e-12)
     assert left[:, 1].max() == pytest.approx(24.0)
 
 
-@given(legs=st.integers(1, 9), length=st.floats(1, 500), spacing=st.floats(1, 50), heading=st.floats(-7, 7))
-def test_lawnmower_is_as_long_as_its_legs_and_links_whatever_its_heading(legs, length, spacing, heading):
-    vertices = Lawnmower(legs=legs, length=length, spacing=spacing, heading=heading, x=3.0, y=-4.0).vertices()
+@given(
+    legs=st.integers(1, 9),
+    length=st.floats(1, 500),
+    spacing=st.floats(1, 50),
+    heading=st.floats(-7, 7),
+)
+def test_lawnmower_is_as_long_as_its_legs_and_links_whatever_its_heading(
+    legs, length, spacing, heading
+):
+    vertices = Lawnmower(
+        legs=legs, length=length, spacing=spacing, heading=heading, x=3.0, y=-4.0
+    ).vertices()
     sides = np.linalg.norm(np.diff(vertices, axis=0), axis=1)
     np.testing.assert_allclose(sides[::2], length, rtol=1e-9)
     np.testing.assert_allclose(sides[1::2], spacing, rtol=1e-9)
@@ -79,7 +97,9 @@ def test_lawnmower_refuses_by_name_and_value(change, message):
 def test_waypoints_are_passed_in_order():
     points = ((0.0, 0.0), (30.0, 40.0), (30.0, 0.0))
     reference = Waypoints(points=points).reference(speed=2.0, current=STILL)
-    np.testing.assert_allclose(reference.position(np.array([0.0, 25.0, 45.0])), points, atol=1e-12)  # legs of 50 m and 40 m at 2 m/s
+    np.testing.assert_allclose(
+        reference.position(np.array([0.0, 25.0, 45.0])), points, atol=1e-12
+    )  # legs of 50 m and 40 m at 2 m/s
 
 
 @pytest.mark.parametrize(
@@ -87,8 +107,14 @@ def test_waypoints_are_passed_in_order():
     [
         ((), "needs at least two points, got none: add one"),
         (((1.0, 2.0),), r"needs at least two points, got only \[\(1.0, 2.0\)\]: add one"),
-        (((0.0, 0.0), (1.0, 1.0), (1.0, 1.0)), r"waypoints 1 and 2 are identical, at \(1.000, 1.000\) m: remove one"),
-        (((0.0, 0.0), (1.0, math.nan)), r"waypoint 1 must be two finite numbers \[m\], got \(1.0, nan\)"),
+        (
+            ((0.0, 0.0), (1.0, 1.0), (1.0, 1.0)),
+            r"waypoints 1 and 2 are identical, at \(1.000, 1.000\) m: remove one",
+        ),
+        (
+            ((0.0, 0.0), (1.0, math.nan)),
+            r"waypoint 1 must be two finite numbers \[m\], got \(1.0, nan\)",
+        ),
     ],
 )
 def test_waypoints_refuse_what_cannot_be_followed(points, message):
@@ -97,18 +123,26 @@ def test_waypoints_refuse_what_cannot_be_followed(points, message):
 
 
 def test_coming_back_to_an_earlier_waypoint_is_allowed():
-    assert Waypoints(points=((0.0, 0.0), (1.0, 0.0), (0.0, 0.0))).reference(speed=1.0, current=STILL).duration == pytest.approx(2.0)
+    assert Waypoints(points=((0.0, 0.0), (1.0, 0.0), (0.0, 0.0))).reference(
+        speed=1.0, current=STILL
+    ).duration == pytest.approx(2.0)
 
 
 def test_static_without_current_rests_with_its_own_heading():
-    motion = Static(x=3.0, y=4.0, heading=1.2).reference(speed=0.0, current=STILL).sample(np.arange(5.0))
+    motion = (
+        Static(x=3.0, y=4.0, heading=1.2).reference(speed=0.0, current=STILL).sample(np.arange(5.0))
+    )
     np.testing.assert_array_equal(motion.position, np.tile([3.0, 4.0], (5, 1)))
     np.testing.assert_array_equal(motion.speed, 0.0)
     np.testing.assert_array_equal(motion.heading, 1.2)
 
 
 def test_static_in_a_current_heads_into_it_at_its_speed():
-    motion = Static(x=3.0, y=4.0).reference(speed=0.0, current=np.array([-0.3, -0.4])).sample(np.arange(5.0))
+    motion = (
+        Static(x=3.0, y=4.0)
+        .reference(speed=0.0, current=np.array([-0.3, -0.4]))
+        .sample(np.arange(5.0))
+    )
     np.testing.assert_allclose(motion.position, np.tile([3.0, 4.0], (5, 1)), atol=1e-12)
     np.testing.assert_allclose(motion.speed, 0.5, atol=1e-12)
     np.testing.assert_allclose(motion.heading, math.atan2(0.4, 0.3), atol=1e-12)
@@ -121,16 +155,26 @@ def test_static_refuses_what_is_not_finite(name):
 
 
 def test_formation_keeps_its_offset_and_its_leaders_velocity():
-    leader = Lawnmower(legs=3, length=40.0, spacing=10.0, heading=0.3).reference(speed=1.2, current=np.array([0.2, -0.1]))
+    leader = Lawnmower(legs=3, length=40.0, spacing=10.0, heading=0.3).reference(
+        speed=1.2, current=np.array([0.2, -0.1])
+    )
     time = np.linspace(0.0, leader.duration + 10, 200)
-    own, led = (reference.sample(time) for reference in (Formation(leader="alpha", east=5.0, north=-7.0).follow(leader), leader))
-    np.testing.assert_allclose(own.position - led.position, np.tile([5.0, -7.0], (200, 1)), atol=1e-9)
+    own, led = (
+        reference.sample(time)
+        for reference in (Formation(leader="alpha", east=5.0, north=-7.0).follow(leader), leader)
+    )
+    np.testing.assert_allclose(
+        own.position - led.position, np.tile([5.0, -7.0], (200, 1)), atol=1e-9
+    )
     np.testing.assert_allclose(own.speed, led.speed, atol=1e-9)
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
-    [({"leader": ""}, "leader is empty: give the name"), ({"east": math.nan}, r"east must be finite \[m\], got nan")],
+    [
+        ({"leader": ""}, "leader is empty: give the name"),
+        ({"east": math.nan}, r"east must be finite \[m\], got nan"),
+    ],
 )
 def test_formation_refuses_by_name_and_value(change, message):
     with pytest.raises(ValueError, match=message):
@@ -148,10 +192,18 @@ def test_every_field_of_every_survey_explains_itself(kind):
 
 @pytest.mark.parametrize(
     ("current", "ground_speed"),
-    [((0.0, 3.0), 4.0), ((0.0, -3.0), 4.0), ((3.0, 0.0), 8.0), ((-3.0, 0.0), 2.0), ((1.0, 3.0), 5.0)],
+    [
+        ((0.0, 3.0), 4.0),
+        ((0.0, -3.0), 4.0),
+        ((3.0, 0.0), 8.0),
+        ((-3.0, 0.0), 2.0),
+        ((1.0, 3.0), 5.0),
+    ],
 )
 def test_ground_speed_is_that_of_the_3_4_5_triangle(current, ground_speed):
-    reference = Reference(polyline=np.array([[0.0, 0.0], [100.0, 0.0]]), speed=5.0, current=np.array(current))
+    reference = Reference(
+        polyline=np.array([[0.0, 0.0], [100.0, 0.0]]), speed=5.0, current=np.array(current)
+    )
     assert reference.duration == pytest.approx(100 / ground_speed)
     np.testing.assert_allclose(reference.position(1.0), [ground_speed, 0.0], atol=1e-12)
 
@@ -160,12 +212,16 @@ def test_ground_speed_is_that_of_the_3_4_5_triangle(current, ground_speed):
 def test_crab_angle_and_speed_are_those_of_navigation_books(polyline, current):
     # heading to steer = track − arcsin(cross set / speed through the water): the wind triangle
     reference = Reference(polyline=polyline, speed=1.0, current=current)
-    for a, b, begin, end in zip(polyline, polyline[1:], reference.arrival, reference.arrival[1:], strict=False):
+    for a, b, begin, end in zip(
+        polyline, polyline[1:], reference.arrival, reference.arrival[1:], strict=False
+    ):
         track = math.atan2(*(b - a)[::-1])
         set_left = current @ [-math.sin(track), math.cos(track)]
         motion = reference.sample(np.linspace(begin, end, 4))
         np.testing.assert_allclose(motion.speed, 1.0, rtol=1e-7)
-        np.testing.assert_allclose(np.exp(1j * motion.heading), np.exp(1j * (track - math.asin(set_left))), atol=1e-7)
+        np.testing.assert_allclose(
+            np.exp(1j * motion.heading), np.exp(1j * (track - math.asin(set_left))), atol=1e-7
+        )
 
 
 @given(polyline=polylines(), current=currents(), dt=st.floats(0.05, 30))
@@ -176,7 +232,13 @@ def test_heading_and_speed_of_each_interval_lead_to_the_next_sample(polyline, cu
     assert isinstance(motion, Motion)
     p = motion.position[0]
     for k in range(time.size - 1):
-        p = p + motion.speed[k] * dt * np.array([math.cos(motion.heading[k]), math.sin(motion.heading[k])]) + current * dt
+        p = (
+            p
+            + motion.speed[k]
+            * dt
+            * np.array([math.cos(motion.heading[k]), math.sin(motion.heading[k])])
+            + current * dt
+        )
         np.testing.assert_allclose(p, motion.position[k + 1], rtol=0, atol=1e-9)
     assert motion.speed[-1] == motion.speed[-2]
     assert motion.heading[-1] == motion.heading[-2]
@@ -193,11 +255,15 @@ def test_heading_counts_the_turns_of_a_square_walked_three_times():
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     reference = Reference(polyline=np.vstack([square, square, square, [[0.0, 0.0]]]), speed=1.0)
     heading = reference.sample(np.linspace(0.0, 12.0, 121)).heading
-    assert heading[-1] == pytest.approx(2.75 * 2 * math.pi)  # the last leg points south of a third turn
+    assert heading[-1] == pytest.approx(
+        2.75 * 2 * math.pi
+    )  # the last leg points south of a third turn
 
 
 def test_motion_waits_before_the_start_and_holds_its_last_heading_after_the_end():
-    motion = Reference(polyline=np.array([[0.0, 0.0], [0.0, 4.0]]), speed=1.0, initial_heading=0.5).sample(np.arange(-2.0, 8.0))
+    motion = Reference(
+        polyline=np.array([[0.0, 0.0], [0.0, 4.0]]), speed=1.0, initial_heading=0.5
+    ).sample(np.arange(-2.0, 8.0))
     np.testing.assert_allclose(motion.position[:, 1], [0, 0, 0, 1, 2, 3, 4, 4, 4, 4])
     np.testing.assert_allclose(motion.heading, [0.5, 0.5, *[math.pi / 2] * 8])
     np.testing.assert_allclose(motion.speed, [0, 0, 1, 1, 1, 1, 0, 0, 0, 0])
@@ -214,11 +280,19 @@ def test_position_takes_times_of_any_shape():
     [
         (1.0, (0.0, 1.0), r"too strong for leg 0, heading 0.0 degrees .*1 m/s across and"),
         (1.0, (-1.0, 0.0), r"too strong for leg 0, .*-1 m/s along\): give a higher speed"),
-        (1.0, (0.5, 1.2), r"too strong for leg 0, .*1.2 m/s across"),  # though it carries the vehicle forward
+        (
+            1.0,
+            (0.5, 1.2),
+            r"too strong for leg 0, .*1.2 m/s across",
+        ),  # though it carries the vehicle forward
         (1.0, (0.9, 0.9), None),  # 0.9 m/s across and 0.9 along both legs: held
         (1.0, (0.9, -0.9), r"too strong for leg 1, heading 90.0 degrees"),  # against the second leg
         (1.0, (math.nan, 0.0), "current must be two finite numbers"),
-        (0.0, (0.0, 0.0), r"speed of a survey that moves must be positive and finite \[m/s\], got 0.0"),
+        (
+            0.0,
+            (0.0, 0.0),
+            r"speed of a survey that moves must be positive and finite \[m/s\], got 0.0",
+        ),
         (-1.0, (0.0, 0.0), "got -1.0"),
         (math.nan, (0.0, 0.0), "got nan"),
     ],

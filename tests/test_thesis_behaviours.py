@@ -10,14 +10,28 @@ import obsplan as op
 from obsplan.scenario import load
 
 
-def fixed_auv(start, *, dt=0.1, duration=20.0, r_min=0.5, speed=1.0, planner="path-inertia", **options):
+def fixed_auv(
+    start, *, dt=0.1, duration=20.0, r_min=0.5, speed=1.0, planner="path-inertia", **options
+):
     """Fly `fixed-auv`, one AUV at rest at the origin, from another start (x, y, heading [rad])."""
     x, y, heading = start
-    settings = [f"cna.start = {{ x = {x!r}, y = {y!r}, heading_deg = {math.degrees(heading)!r} }}", f"cna.speed = {speed!r}"]
-    settings += [f"cna.min_turn_radius = {r_min!r}", f"time_step = {dt!r}", f"duration = {duration!r}"]
+    settings = [
+        f"cna.start = {{ x = {x!r}, y = {y!r}, heading_deg = {math.degrees(heading)!r} }}",
+        f"cna.speed = {speed!r}",
+    ]
+    settings += [
+        f"cna.min_turn_radius = {r_min!r}",
+        f"time_step = {dt!r}",
+        f"duration = {duration!r}",
+    ]
     settings += [f"planner.interval = {dt!r}", f"ranging.interval = {dt!r}"]
-    settings += [f"planner.{key} = {value if not isinstance(value, str) else repr(value)}" for key, value in options.items()]
-    return op.simulate(load("fixed-auv", planner=planner, settings=[s.replace("'", '"') for s in settings]))
+    settings += [
+        f"planner.{key} = {value if not isinstance(value, str) else repr(value)}"
+        for key, value in options.items()
+    ]
+    return op.simulate(
+        load("fixed-auv", planner=planner, settings=[s.replace("'", '"') for s in settings])
+    )
 
 
 def seen(run):
@@ -29,10 +43,16 @@ def seen(run):
 def test_path_inertia_follows_the_exact_recurrence(seed):
     rng = np.random.default_rng(seed)
     gamma = [0.0, float(10 ** rng.uniform(-3, 3))][seed % 2]
-    dt, r_min, speed = float(rng.choice([0.02, 0.1, 0.25])), float(rng.uniform(0.2, 2.0)), float(rng.uniform(0.3, 3.0))
+    dt, r_min, speed = (
+        float(rng.choice([0.02, 0.1, 0.25])),
+        float(rng.uniform(0.2, 2.0)),
+        float(rng.uniform(0.3, 3.0)),
+    )
     start = tuple(map(float, (*rng.uniform(-6, 6, 2), rng.uniform(-3, 3))))
     run = fixed_auv(start, dt=dt, duration=200 * dt, r_min=r_min, speed=speed, gamma=gamma)
-    expected = inertia_recurrence(*offsets([start], (0.0, 0.0))[0], gamma=gamma, r_min=r_min, speed=speed, dt=dt, steps=200)
+    expected = inertia_recurrence(
+        *offsets([start], (0.0, 0.0))[0], gamma=gamma, r_min=r_min, speed=speed, dt=dt, steps=200
+    )
     np.testing.assert_allclose(seen(run), expected, atol=1e-9)
 
 
@@ -41,7 +61,9 @@ def test_path_inertia_without_penalty_stays_on_the_circle_about_the_auv_with_con
     np.testing.assert_array_equal(run.cna[0], [1.0, 0.0, np.pi / 2])
     np.testing.assert_allclose(run.separation, 1.0, atol=1e-9)
     np.testing.assert_allclose(run.condition[0, :-1], 1.0, atol=1e-9)
-    np.testing.assert_allclose(np.diff(run.cna[:, 2]), 0.1, atol=1e-9)  # counter-clockwise at 1 rad/s
+    np.testing.assert_allclose(
+        np.diff(run.cna[:, 2]), 0.1, atol=1e-9
+    )  # counter-clockwise at 1 rad/s
     assert run.condition_label == "κ(J)"
 
 
@@ -65,13 +87,17 @@ def off(law, start, **options):
 def test_without_penalty_the_flight_tends_to_an_involute_to_first_order(start):
     s0, b0 = offsets([start], (0.0, 0.0))[0]
     law = lambda t, s, b: s**2 + b**2 - (s0**2 + b0**2 + 2 * s0 * t)  # noqa: E731
-    np.testing.assert_allclose(halving_ratios(off(law, start, duration=2.0, gamma=0.0)), 2.0, rtol=0.05)
+    np.testing.assert_allclose(
+        halving_ratios(off(law, start, duration=2.0, gamma=0.0)), 2.0, rtol=0.05
+    )
 
 
 def test_without_penalty_s_is_constant_to_first_order():
     start = (2.0, -1.0, 0.6)
     s0, _ = offsets([start], (0.0, 0.0))[0]
-    np.testing.assert_allclose(halving_ratios(off(lambda _, s, __: s - s0, start, duration=2.0, gamma=0.0)), 2.0, rtol=0.05)
+    np.testing.assert_allclose(
+        halving_ratios(off(lambda _, s, __: s - s0, start, duration=2.0, gamma=0.0)), 2.0, rtol=0.05
+    )
 
 
 def test_with_a_penalty_s_squared_and_the_radius_trade_at_first_order():
@@ -80,7 +106,9 @@ def test_with_a_penalty_s_squared_and_the_radius_trade_at_first_order():
     s0, b0 = offsets([start], (0.0, 0.0))[0]
     held = s0**2 + 2 * tau * (abs(b0) - tau)
     law = lambda _, s, b: s**2 + 2 * tau * (np.abs(b) - tau) - held  # noqa: E731
-    np.testing.assert_allclose(halving_ratios(off(law, start, duration=4.0, gamma=gamma)), 2.0, rtol=0.05)
+    np.testing.assert_allclose(
+        halving_ratios(off(law, start, duration=4.0, gamma=gamma)), 2.0, rtol=0.05
+    )
 
 
 def test_curvature_form_keeps_its_angle_to_first_order():
@@ -88,13 +116,20 @@ def test_curvature_form_keeps_its_angle_to_first_order():
     s0, b0 = offsets([start], (0.0, 0.0))[0]
     angle = math.atan2(b0, s0)
     options = {"duration": 5.0, "objective": "condition-number"}
-    np.testing.assert_allclose(halving_ratios(off(lambda _, s, b: np.arctan2(b, s) - angle, start, **options)), 2.0, rtol=0.05)
+    np.testing.assert_allclose(
+        halving_ratios(off(lambda _, s, b: np.arctan2(b, s) - angle, start, **options)),
+        2.0,
+        rtol=0.05,
+    )
     spiral = lambda t, s, b: np.hypot(s, b) - (math.hypot(s0, b0) + math.cos(angle) * t)  # noqa: E731
     np.testing.assert_allclose(halving_ratios(off(spiral, start, **options)), 2.0, rtol=0.05)
 
 
 def test_outward_inward_and_abeam_starts_are_the_three_classes_of_the_thesis():
-    away, inward = (fixed_auv((2.0, 0.0, heading), gamma=0.0, duration=30.0).separation[0] for heading in (1.0, 2.0))
+    away, inward = (
+        fixed_auv((2.0, 0.0, heading), gamma=0.0, duration=30.0).separation[0]
+        for heading in (1.0, 2.0)
+    )
     assert (np.diff(away) > 0).all()
     least = inward.argmin()
     assert 0 < least < inward.size - 1
@@ -124,11 +159,19 @@ def test_penalty_turns_an_outward_start_round_where_and_when_predicted(gamma):
 
 
 def test_the_smaller_the_penalty_the_longer_the_outward_leg():
-    farthest = [fixed_auv((3.0, 0.0, 1.0), gamma=gamma, duration=100.0).separation.max() for gamma in (0.5, 1.0, 5.0, 100.0)]
+    farthest = [
+        fixed_auv((3.0, 0.0, 1.0), gamma=gamma, duration=100.0).separation.max()
+        for gamma in (0.5, 1.0, 5.0, 100.0)
+    ]
     assert (np.diff(farthest) < 0).all()
 
 
 def test_gramian_planner_spirals_in_by_the_thesis_variant_and_may_run_away_by_the_exact_one():
-    flown = {g: fixed_auv((4.0, 3.0, np.pi / 6), planner="gramian", gramian=g, duration=30.0).separation[0] for g in ("thesis", "exact")}
+    flown = {
+        g: fixed_auv((4.0, 3.0, np.pi / 6), planner="gramian", gramian=g, duration=30.0).separation[
+            0
+        ]
+        for g in ("thesis", "exact")
+    }
     assert flown["thesis"][-100:].max() < 1.0  # 0.7 m
     assert flown["exact"][-1] == pytest.approx(5.0 + 30.0, abs=0.1)  # straight away

@@ -33,22 +33,40 @@ def finding(name, **size):
 def test_mission_flies_from_the_start_it_is_given():
     setup = scenario("fixed-auv", "path-inertia", "duration=2.0")
     loop, start = ClosedLoop(scenario=setup, planner=setup.planner()), pose(3.0, -1.0, 20.0)
-    np.testing.assert_array_equal(loop.fly(1, start=start).cna[0], [start.x, start.y, start.heading])
+    np.testing.assert_array_equal(
+        loop.fly(1, start=start).cna[0], [start.x, start.y, start.heading]
+    )
     np.testing.assert_array_equal(loop.fly(1).cna[0], [1.0, 0.0, math.pi / 2])
 
 
 def test_path_about_three_auvs_is_that_about_one_at_their_centroid():
     start = pose(0.5, 2.0, 130.0)
     three = fly(static_formation(), [start])
-    one = fly(scenario("fixed-auv", "path-inertia", "planner.gamma=1.0", "duration=300.0", "auv.0.survey.y=-0.3333333333333333"), [start])
-    np.testing.assert_allclose(three.x, one.x, atol=1e-6)  # rounding over 3000 steps through some 60 passes of the centroid
+    one = fly(
+        scenario(
+            "fixed-auv",
+            "path-inertia",
+            "planner.gamma=1.0",
+            "duration=300.0",
+            "auv.0.survey.y=-0.3333333333333333",
+        ),
+        [start],
+    )
+    np.testing.assert_allclose(
+        three.x, one.x, atol=1e-6
+    )  # rounding over 3000 steps through some 60 passes of the centroid
     np.testing.assert_allclose(three.y, one.y, atol=1e-6)
 
 
 def test_unequal_weights_leave_the_centroid():
     start = pose(0.5, 2.0, 130.0)
-    uneven = scenario("fixed-formation", "path-inertia", "planner.gamma=1.0", "duration=300.0", "auv.0.weight=5.0")
-    off = [np.hypot(*centroid_offset(fly(one, [start]))[0, -600:].mean(axis=0)) for one in (static_formation(), uneven)]
+    uneven = scenario(
+        "fixed-formation", "path-inertia", "planner.gamma=1.0", "duration=300.0", "auv.0.weight=5.0"
+    )
+    off = [
+        np.hypot(*centroid_offset(fly(one, [start]))[0, -600:].mean(axis=0))
+        for one in (static_formation(), uneven)
+    ]
     assert off[0] < 0.4 < off[1]
 
 
@@ -70,7 +88,10 @@ def test_gramian_method_runs_away_outward_unless_the_heading_coupling_is_dropped
     start = pose(4.0, 3.0, math.degrees(math.atan2(3.0, 4.0)))
     away = {}
     for variant in ("exact", "empirical", "thesis"):
-        flown = fly(scenario("fixed-auv", "gramian", f'planner.gramian="{variant}"', THIRTY_SECONDS), [start])
+        flown = fly(
+            scenario("fixed-auv", "gramian", f'planner.gramian="{variant}"', THIRTY_SECONDS),
+            [start],
+        )
         away[variant] = float(flown.distance[0, 0, -1])
     assert away["exact"] > 30.0  # nearly 5 m and 30 s at 1 m/s
     assert away["empirical"] > 30.0
@@ -101,14 +122,28 @@ def test_fast_missions_are_as_the_appendix_says(name):
 
 
 def test_point_reflection_about_a_beacon_at_rest_has_the_same_ranges_and_cannot_be_left():
-    image = ("auv.0.first_estimate.x=4.0", "auv.0.first_estimate.y=0.0", "auv.0.first_estimate.speed=-1.0")
-    sure = ("auv.0.first_estimate.sigma_position=0.1", "auv.0.first_estimate.sigma_speed=0.1", "duration=60.0")
-    run = op.simulate(op.load("survey-slow", planner="stationary", settings=(*image, *sure)), seed=2)  # beacon at (1, 0), AUV at (-2, 0)
+    image = (
+        "auv.0.first_estimate.x=4.0",
+        "auv.0.first_estimate.y=0.0",
+        "auv.0.first_estimate.speed=-1.0",
+    )
+    sure = (
+        "auv.0.first_estimate.sigma_position=0.1",
+        "auv.0.first_estimate.sigma_speed=0.1",
+        "duration=60.0",
+    )
+    run = op.simulate(
+        op.load("survey-slow", planner="stationary", settings=(*image, *sure)), seed=2
+    )  # beacon at (1, 0), AUV at (-2, 0)
     assert is_mirrored(run)
     off = run.mean[0, -1, :2] - (2 * run.cna[-1, :2] - run.truth[0, -1, :2])
     assert np.hypot(*off) < 1.0 < run.error[0, -1]
     right = op.simulate(
-        op.load("survey-slow", planner="stationary", settings=("auv.0.first_estimate.x=-2.0", "auv.0.first_estimate.speed=1.0", *sure)),
+        op.load(
+            "survey-slow",
+            planner="stationary",
+            settings=("auv.0.first_estimate.x=-2.0", "auv.0.first_estimate.speed=1.0", *sure),
+        ),
         seed=2,
     )
     assert not is_mirrored(right)
@@ -117,12 +152,17 @@ def test_point_reflection_about_a_beacon_at_rest_has_the_same_ranges_and_cannot_
 def test_share_of_seeds_has_the_interval_of_wilson():
     for k, n in ((3, 10), (50, 100), (99, 100), (0, 20)):
         exact = binomtest(k, n).proportion_ci(method="wilson")
-        np.testing.assert_allclose(interval(k / n, n), (exact.low, exact.high), atol=1e-4)  # 1.96 against 1.95996
+        np.testing.assert_allclose(
+            interval(k / n, n), (exact.low, exact.high), atol=1e-4
+        )  # 1.96 against 1.95996
 
 
 def table_of(errors):
     """Data of a table, from errors by policy and seed."""
-    return xr.Dataset({"rms_error": (("policy", "seed"), np.array([*errors.values()]))}, coords={"policy": [*errors]})
+    return xr.Dataset(
+        {"rms_error": (("policy", "seed"), np.array([*errors.values()]))},
+        coords={"policy": [*errors]},
+    )
 
 
 def test_orderings_are_reproduced_reversed_or_undecided():
@@ -143,7 +183,9 @@ def test_orderings_are_reproduced_reversed_or_undecided():
 
 def test_grid_holds_each_mission_in_its_place():
     cases = {
-        (g, str(s)): op.load("fixed-auv", settings=(f"planner.gamma={g}", f"ranging.sigma={s}", "duration=3.0"))
+        (g, str(s)): op.load(
+            "fixed-auv", settings=(f"planner.gamma={g}", f"ranging.sigma={s}", "duration=3.0")
+        )
         for g in "01"
         for s in (0.1, 0.5)
     }
@@ -171,7 +213,13 @@ def strayed_pair():
 def test_euler_horizon_goes_to_the_integrals_with_its_steps():
     cna = op.Unicycle(speed=1.0, min_turn_radius=0.5)
     exact = displacement_moments(1.0, EulerHorizon(cna, 1).candidates, two_thirds_turn(cna))
-    errors = [max(np.abs(a[0] - b[0]).max() for a, b in zip(EulerHorizon(cna, n).moments(), exact, strict=True)) for n in (100, 200, 400)]
+    errors = [
+        max(
+            np.abs(a[0] - b[0]).max()
+            for a, b in zip(EulerHorizon(cna, n).moments(), exact, strict=True)
+        )
+        for n in (100, 200, 400)
+    ]
     np.testing.assert_allclose(np.divide(errors[:-1], errors[1:]), 2.0, rtol=0.05)  # first order
 
 
@@ -183,12 +231,19 @@ def test_weights_that_follow_covariances_are_their_traces():
     given = [op.Belief.at(*p, covariance=P) for p, P in zip(place, covariances, strict=True)]
     weighted = [op.Belief.at(*p, weight=w) for p, w in zip(place, (5.0, 1.0), strict=True)]
     at = op.Pose(0.0, 0.0, 0.3)
-    assert CovarianceWeighted(cna, plain).plan(at, given).turn_rate == plain.plan(at, weighted).turn_rate
-    assert CovarianceWeighted(cna, plain).plan(at, given).turn_rate != plain.plan(at, given).turn_rate
+    assert (
+        CovarianceWeighted(cna, plain).plan(at, given).turn_rate
+        == plain.plan(at, weighted).turn_rate
+    )
+    assert (
+        CovarianceWeighted(cna, plain).plan(at, given).turn_rate != plain.plan(at, given).turn_rate
+    )
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in ITEMS if name.startswith("study-")] + ["table5.2"])
+@pytest.mark.parametrize(
+    "name", [name for name in ITEMS if name.startswith("study-")] + ["table5.2"]
+)
 def test_study_is_computed_drawn_and_answered(name):
     item = ITEMS[name]
     data = item.compute(runs=2, seed=1)
@@ -199,10 +254,18 @@ def test_study_is_computed_drawn_and_answered(name):
 def test_folder_holds_picture_data_and_page_the_same_on_every_run(tmp_path):
     done = []
     for name in ("a", "b"):
-        write_thesis(["fig5.2", "fig5.1"], tmp_path / name, runs=2, progress=lambda k, n: done.append((k, n)))
-    first, second = ({path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("a", "b"))
+        write_thesis(
+            ["fig5.2", "fig5.1"], tmp_path / name, runs=2, progress=lambda k, n: done.append((k, n))
+        )
+    first, second = (
+        {path.name: path.read_bytes() for path in (tmp_path / name).iterdir()}
+        for name in ("a", "b")
+    )
     assert first == second
-    assert set(first) == {"thesis.md", *(f"{item}.{kind}" for item in ("fig5.1", "fig5.2") for kind in ("png", "nc"))}
+    assert set(first) == {
+        "thesis.md",
+        *(f"{item}.{kind}" for item in ("fig5.1", "fig5.2") for kind in ("png", "nc")),
+    }
     assert done == [(1, 2), (2, 2)] * 2
     page = first["thesis.md"].decode()
     assert page.index("| [fig5.1](#fig51) |") < page.index("| [fig5.2](#fig52) |")
@@ -221,18 +284,33 @@ def test_unknown_item_and_existing_folder_are_refused_and_nothing_is_left(tmp_pa
 
 
 def test_every_item_of_the_thesis_is_there_and_every_question():
-    figures = [f"fig5.{k}" for k in range(1, 13)] + ["table5.1", "table5.2"] + [f"figB.{k}" for k in range(1, 9)]
-    questions = [f"study-{name}" for name in ("horizon", "aggregate", "weights", "blend", "speeds", "curvature")]
+    figures = (
+        [f"fig5.{k}" for k in range(1, 13)]
+        + ["table5.1", "table5.2"]
+        + [f"figB.{k}" for k in range(1, 9)]
+    )
+    questions = [
+        f"study-{name}"
+        for name in ("horizon", "aggregate", "weights", "blend", "speeds", "curvature")
+    ]
     assert sorted(ITEMS) == sorted(figures + questions)
 
 
 @pytest.mark.slow
 def test_command_makes_the_folder_and_refuses_what_it_does_not_know(tmp_path):
     command = [sys.executable, "-c", "from obsplan.cli import main; main()"]
-    made = subprocess.run([*command, "thesis", "fig5.1", "--out", "here"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    made = subprocess.run(
+        [*command, "thesis", "fig5.1", "--out", "here"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert made.returncode == 0, made.stderr
     assert "agrees" in made.stdout
     assert (tmp_path / "here" / "thesis.md").exists()
-    refused = subprocess.run([*command, "thesis", "fig5.13"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    refused = subprocess.run(
+        [*command, "thesis", "fig5.13"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     assert refused.returncode == 2
     assert "fig5.13" in refused.stderr

@@ -20,7 +20,19 @@ DISC = np.array([2.5, 1.0, 1.0])
 SPEED, LIMIT, RADIUS = 1.0, 2.0, 0.5
 
 
-def task_of(pose, auvs, *, N=20, dt=0.25, velocities=None, noise=0.0, discs=(), polygons=(), fence=None, **change):
+def task_of(
+    pose,
+    auvs,
+    *,
+    N=20,
+    dt=0.25,
+    velocities=None,
+    noise=0.0,
+    discs=(),
+    polygons=(),
+    fence=None,
+    **change,
+):
     """AUVs at constant velocity; a range of 1 m standard deviation at the end of each stage."""
     auvs = np.asarray(auvs, dtype=float)
     v = np.zeros_like(auvs) if velocities is None else np.asarray(velocities, dtype=float)
@@ -41,7 +53,9 @@ def task_of(pose, auvs, *, N=20, dt=0.25, velocities=None, noise=0.0, discs=(), 
         "spread": np.zeros(M),
         "weights": np.ones(M),
         "ranging": Ranging(1.0),
-        "areas": convex_areas(np.reshape(discs, (-1, 3)), [np.array(p, dtype=float) for p in polygons], fence),
+        "areas": convex_areas(
+            np.reshape(discs, (-1, 3)), [np.array(p, dtype=float) for p in polygons], fence
+        ),
         "least": 0.0,
         "greatest": np.inf,
     }
@@ -56,12 +70,18 @@ def true_limits(task, shape=None, velocities=0.0):
         if shape is None:
             return np.full(points.shape[:-1], -np.inf)
         at = shapely.points(points)
-        return np.where(shapely.contains(shape, at), -shapely.distance(shape.boundary, at), shapely.distance(shape, at))
+        return np.where(
+            shapely.contains(shape, at),
+            -shapely.distance(shape.boundary, at),
+            shapely.distance(shape, at),
+        )
 
     def along(positions, times):
         auvs = start + times[:, None, None] * np.asarray(velocities)
         d = np.linalg.norm(positions[..., None, :] - auvs, axis=-1)
-        return np.maximum(fixed(positions), np.maximum(task.least - d, d - task.greatest).max(axis=-1))
+        return np.maximum(
+            fixed(positions), np.maximum(task.least - d, d - task.greatest).max(axis=-1)
+        )
 
     def after(poses):
         left = RADIUS * np.stack([-np.sin(poses[:, 2]), np.cos(poses[:, 2])], axis=-1)
@@ -73,9 +93,15 @@ def true_limits(task, shape=None, velocities=0.0):
 def positions(task, rates, time, speeds=None):
     """Position at a time, by arcs in complex numbers."""
     z, heading, left = complex(*task.pose[:2]), task.pose[2], time
-    for u, d, v in zip(rates, task.durations, np.full(len(rates), SPEED) if speeds is None else speeds, strict=True):
+    for u, d, v in zip(
+        rates, task.durations, np.full(len(rates), SPEED) if speeds is None else speeds, strict=True
+    ):
         h = min(d, left)
-        z += v * h * cmath.exp(1j * heading) if abs(u) < 1e-12 else v / (1j * u) * cmath.exp(1j * heading) * (cmath.exp(1j * u * h) - 1)
+        z += (
+            v * h * cmath.exp(1j * heading)
+            if abs(u) < 1e-12
+            else v / (1j * u) * cmath.exp(1j * heading) * (cmath.exp(1j * u * h) - 1)
+        )
         heading, left = heading + u * h, left - h
         if left <= 0:
             break
@@ -110,13 +136,22 @@ MOVES = {"at rest": 0.0, "moving": [[0.3, 0.2], [-0.4, 0.3]]}
 @pytest.mark.parametrize("objective", GRAMIAN)
 def test_score_is_that_of_the_gramian_by_quadrature_along_the_arcs_of_the_turns(objective, motion):
     v = MOVES[motion]
-    task = task_of((40.0, -3.0, 0.7), [(41.0, -1.0), (38.0, -4.0)], velocities=None if motion == "at rest" else v, greatest=8.0)
+    task = task_of(
+        (40.0, -3.0, 0.7),
+        [(41.0, -1.0), (38.0, -4.0)],
+        velocities=None if motion == "at rest" else v,
+        greatest=8.0,
+    )
     found = optimise(task, objective, limits=true_limits(task, velocities=v))
     W = true_gramians(task, found.turn_rates, v)
     assert found.status == Status.OPTIMAL
-    assert found.score == pytest.approx(score_of(objective, W), abs=1e-4)  # Simpson: (u h / 2)^4 / 180 = 2e-5 of W at the limit
+    assert found.score == pytest.approx(
+        score_of(objective, W), abs=1e-4
+    )  # Simpson: (u h / 2)^4 / 180 = 2e-5 of W at the limit
     np.testing.assert_allclose(found.condition, np.linalg.cond(W), rtol=3e-4)
-    np.testing.assert_allclose(found.poses[-1, :2], positions(task, found.turn_rates, 5.0), atol=1e-9)
+    np.testing.assert_allclose(
+        found.poses[-1, :2], positions(task, found.turn_rates, 5.0), atol=1e-9
+    )
 
 
 def updated(P, x, ranging, pings):
@@ -124,9 +159,15 @@ def updated(P, x, ranging, pings):
     d = np.hypot(*x)
     S, u, across = P[:2, :2], x / d, np.array([-x[1], x[0]]) / d
     if ranging.squared:
-        H, R = np.array([[*(2 * x), 0.0, 0.0]]), ranging.sigma**2 / pings + np.trace(S) ** 2 + 2 * np.trace(S @ S)
+        H, R = (
+            np.array([[*(2 * x), 0.0, 0.0]]),
+            ranging.sigma**2 / pings + np.trace(S) ** 2 + 2 * np.trace(S @ S),
+        )
     else:
-        H, R = np.array([[*u, 0.0, 0.0]]), ranging.sigma**2 / pings + 0.75 * (across @ S @ across / d) ** 2
+        H, R = (
+            np.array([[*u, 0.0, 0.0]]),
+            ranging.sigma**2 / pings + 0.75 * (across @ S @ across / d) ** 2,
+        )
     return (np.eye(4) - P @ H.T / (H @ P @ H.T + R) @ H) @ P
 
 
@@ -154,7 +195,16 @@ def test_covariance_score_is_that_of_a_kalman_filter_with_the_second_order_error
     v = [[0.3, 0.2], [-0.4, 0.3]]
     pings = np.array([1.0, 0.0, 2.0, 0.0, 1.0, 1.0])
     weights = np.array([1.0, 3.0])
-    task = task_of((2.0, -3.0, 0.7), [(0.0, 0.0), (4.0, 1.0)], velocities=v, N=6, dt=0.8, noise=0.1, pings=pings, weights=weights)
+    task = task_of(
+        (2.0, -3.0, 0.7),
+        [(0.0, 0.0), (4.0, 1.0)],
+        velocities=v,
+        N=6,
+        dt=0.8,
+        noise=0.1,
+        pings=pings,
+        weights=weights,
+    )
     task = task._replace(ranging=Ranging(1.3, squared))
     found = optimise(task, "covariance")
     assert found.status == Status.OPTIMAL
@@ -168,7 +218,9 @@ def brute(score, stages=3, count=13):
     grid = np.array(np.meshgrid(*[rates] * stages, indexing="ij")).reshape(stages, -1).T
     values = np.array([score(u) for u in grid])
     options = {"bounds": [(-LIMIT, LIMIT)] * stages, "options": {"ftol": 1e-13}}
-    return min(minimize(score, grid[k], method="SLSQP", **options).fun for k in values.argsort()[:8])
+    return min(
+        minimize(score, grid[k], method="SLSQP", **options).fun for k in values.argsort()[:8]
+    )
 
 
 @pytest.mark.slow
@@ -177,7 +229,9 @@ def brute(score, stages=3, count=13):
 def test_three_turns_are_the_best_of_a_grid_polished_by_slsqp(objective, motion):
     moving = motion != "at rest"
     v = np.array(MOVES["moving"]) if moving else np.zeros((2, 2))
-    task = task_of((2.0, -1.0, 0.7), [(0.0, 0.0), (1.0, 2.0)], velocities=v, N=3, dt=0.7, noise=0.05)
+    task = task_of(
+        (2.0, -1.0, 0.7), [(0.0, 0.0), (1.0, 2.0)], velocities=v, N=3, dt=0.7, noise=0.05
+    )
     w = np.array([1, 4, 2, 4, 2, 4, 1]) * 0.35 / 3
 
     def gramian_score(u):
@@ -199,15 +253,21 @@ def test_three_turns_are_the_best_of_a_grid_polished_by_slsqp(objective, motion)
 # Limits
 
 SQUARE = [(3.0, -2.0), (5.0, -2.0), (5.0, 1.0), (3.0, 1.0)]
-NOTCHED = np.array([(-6.0, -6.0), (7.0, -6.0), (7.0, 6.0), (2.0, 6.0), (1.0, 2.5), (0.0, 6.0), (-6.0, 6.0)])
+NOTCHED = np.array(
+    [(-6.0, -6.0), (7.0, -6.0), (7.0, 6.0), (2.0, 6.0), (1.0, 2.5), (0.0, 6.0), (-6.0, 6.0)]
+)
 
 
 def test_convex_areas_err_on_the_safe_side_and_lose_only_pockets():
-    l_shape = np.array([(0.0, 0.0), (3.0, 0.0), (3.0, 1.0), (1.0, 1.0), (1.0, 3.0), (0.0, 3.0)]) - 4.0
+    l_shape = (
+        np.array([(0.0, 0.0), (3.0, 0.0), (3.0, 1.0), (1.0, 1.0), (1.0, 3.0), (0.0, 3.0)]) - 4.0
+    )
     areas = convex_areas(np.empty((0, 3)), [l_shape], NOTCHED)
     points = np.random.default_rng(2).uniform(-7, 8, (4000, 2))
     off = lambda lines: points @ lines[:, :2].T - lines[:, 2]  # noqa: E731
-    allowed = (off(areas.fence).max(axis=1) <= 0) & np.all([off(lines).max(axis=1) >= 0 for lines in areas.keep_outs], axis=0)
+    allowed = (off(areas.fence).max(axis=1) <= 0) & np.all(
+        [off(lines).max(axis=1) >= 0 for lines in areas.keep_outs], axis=0
+    )
     true = shapely.Polygon(NOTCHED).difference(shapely.Polygon(l_shape))
     truly = shapely.contains(true, shapely.points(points))
     assert not (allowed & ~truly).any()
@@ -235,14 +295,23 @@ def test_whole_path_keeps_within_every_limit_and_ends_where_it_can_turn_for_ever
     for _ in range(6):
         while True:
             x, y = rng.uniform(-6, 7, 2)
-            if shapely.contains(free.buffer(-1.2), shapely.Point(x, y)) and 1.0 < np.hypot(x, y) < 6.0:
+            if (
+                shapely.contains(free.buffer(-1.2), shapely.Point(x, y))
+                and 1.0 < np.hypot(x, y) < 6.0
+            ):
                 break
-        task = task_of((x, y, rng.uniform(-3, 3)), [(0.0, 0.0)], velocities=v, least=0.7, greatest=6.5, **areas)
+        task = task_of(
+            (x, y, rng.uniform(-3, 3)), [(0.0, 0.0)], velocities=v, least=0.7, greatest=6.5, **areas
+        )
         found = optimise(task, objective, limits=true_limits(task, free, v))
         assert found.status == Status.OPTIMAL
         times = np.linspace(0, 5, 401)
         path = np.array([positions(task, found.turn_rates, t) for t in times])
-        clear = np.where(shapely.contains(free, shapely.points(path)), shapely.distance(free.boundary, shapely.points(path)), -1.0)
+        clear = np.where(
+            shapely.contains(free, shapely.points(path)),
+            shapely.distance(free.boundary, shapely.points(path)),
+            -1.0,
+        )
         distance = np.linalg.norm(path - times[:, None] * v, axis=1)
         nearest = min(clear.min(), distance.min() - 0.7, 6.5 - distance.max())
         assert nearest > -1e-3
@@ -255,7 +324,9 @@ def test_whole_path_keeps_within_every_limit_and_ends_where_it_can_turn_for_ever
 
 def test_turn_rate_its_change_and_the_speed_stay_within_their_limits():
     reach = np.full(20, 0.15)
-    task = task_of((2.0, -3.0, 0.7), [(0.0, 0.0)], reach=reach, turn_rate=-0.4, speed=(0.4, 1.0), greatest=6.0)
+    task = task_of(
+        (2.0, -3.0, 0.7), [(0.0, 0.0)], reach=reach, turn_rate=-0.4, speed=(0.4, 1.0), greatest=6.0
+    )
     found = optimise(task, "log-det", limits=true_limits(task))
     assert found.status == Status.OPTIMAL
     assert np.abs(np.diff(found.turn_rates, prepend=-0.4)).max() <= 0.15 + 1e-9
@@ -268,7 +339,9 @@ def test_turn_rate_its_change_and_the_speed_stay_within_their_limits():
 
 
 def test_slower_is_taken_where_slower_is_better():
-    task = task_of((3.0, 0.0, 0.0), [(0.0, 0.0)], speed=(0.2, 1.0), greatest=3.45, N=8)  # a full turn at full speed needs 0.5 m
+    task = task_of(
+        (3.0, 0.0, 0.0), [(0.0, 0.0)], speed=(0.2, 1.0), greatest=3.45, N=8
+    )  # a full turn at full speed needs 0.5 m
     free = optimise(task, "covariance", limits=true_limits(task))
     assert free.speeds.min() < 0.9
     assert free.violation <= TOLERANCE
@@ -322,8 +395,12 @@ def test_each_rung_is_named_and_no_worse_than_the_best_manoeuvre(status, monkeyp
     assert found.status == status
     assert found.violation <= TOLERANCE
     if status == Status.BEST_MANOEUVRE:
-        np.testing.assert_allclose(found.turn_rates, first.turn_rates, atol=1e-12)  # the last trajectory is a manoeuvre too
-        assert optimise(task, "log-det", limits=limits).score > first.score  # without it one of the simple ones
+        np.testing.assert_allclose(
+            found.turn_rates, first.turn_rates, atol=1e-12
+        )  # the last trajectory is a manoeuvre too
+        assert (
+            optimise(task, "log-det", limits=limits).score > first.score
+        )  # without it one of the simple ones
     else:
         assert found.score == pytest.approx(first.score, abs=1e-5)
 
@@ -339,7 +416,9 @@ def test_answer_through_a_keep_out_or_worse_than_the_manoeuvre_is_not_taken(monk
         assert found.violation <= TOLERANCE
 
 
-def test_where_nothing_keeps_the_limits_and_no_solver_answers_the_least_violating_manoeuvre_is_taken(monkeypatch):
+def test_where_nothing_keeps_the_limits_and_no_solver_answers_the_least_violating_manoeuvre_is_taken(
+    monkeypatch,
+):
     monkeypatch.setattr(Program, "solve", lambda *_: None)
     inside = task_of((2.5, 1.2, 0.0), [(0.0, 0.0)], discs=[DISC])
     found = optimise(inside, "log-det", limits=true_limits(inside, room(discs=[DISC])))
@@ -358,7 +437,9 @@ def test_solver_that_raises_is_a_failed_rung(monkeypatch):
 
 def test_nothing_is_begun_in_a_hurry():
     task, limits = example()
-    assert optimise(task, "log-det", limits=limits, hurry=lambda: True).status == Status.BEST_MANOEUVRE
+    assert (
+        optimise(task, "log-det", limits=limits, hurry=lambda: True).status == Status.BEST_MANOEUVRE
+    )
 
 
 def test_solvers_are_silent_whatever_happens(capfd):
@@ -374,7 +455,10 @@ def test_program_is_compiled_once_for_a_shape():
     task, limits = example()
     optimise(task, "log-det", limits=limits)
     before = program.cache_info()
-    moved = task._replace(pose=np.array([1.0, 3.0, 2.0]), areas=task.areas._replace(discs=np.array([[-3.0, 1.0, 0.7]])))
+    moved = task._replace(
+        pose=np.array([1.0, 3.0, 2.0]),
+        areas=task.areas._replace(discs=np.array([[-3.0, 1.0, 0.7]])),
+    )
     optimise(moved, "log-det", limits=None)
     after = program.cache_info()
     assert after.misses == before.misses

@@ -14,8 +14,16 @@ import obsplan as op
 from formulations.solution import Status
 from obsplan.constraints import Constraints, Disc, Polygon
 
+TURN_TOLERANCE = (
+    1e-6  # [rad/s]: solved to 1e-8 of the optimality conditions, to be divided by the curvature
+)
 CNA = op.Unicycle(speed=2.0, min_turn_radius=5.0)
-RUNGS = {Status.OPTIMAL, Status.RESTARTED, Status.SECOND_SOLVER, Status.BEST_MANOEUVRE}  # all limits kept
+RUNGS = {
+    Status.OPTIMAL,
+    Status.RESTARTED,
+    Status.SECOND_SOLVER,
+    Status.BEST_MANOEUVRE,
+}  # all limits kept
 SAID = {Status.SOFTENED, Status.VIOLATED}
 OBJECTIVES = ["covariance", "log-det", "smallest-eigenvalue", "condition-number"]
 NAN = float("nan")
@@ -43,8 +51,14 @@ def test_decision_is_finite_within_the_limits_and_starts_where_the_vehicle_is(ob
         assert np.isfinite(decision.score)
         np.testing.assert_array_equal(decision.path[0], [pose.x, pose.y, pose.heading])
         dt = 2.0 - 3.0 % 2.0  # 20 s in 12 stages of whole decisions: the rest of the second
-        np.testing.assert_allclose(decision.path[1], arc(decision.path[0], decision.turn_rate, 2.0, dt), atol=1e-9)
-        assert np.isnan(decision.condition).all() if objective == "covariance" else np.all(decision.condition >= 1.0)
+        np.testing.assert_allclose(
+            decision.path[1], arc(decision.path[0], decision.turn_rate, 2.0, dt), atol=1e-9
+        )
+        assert (
+            np.isnan(decision.condition).all()
+            if objective == "covariance"
+            else np.all(decision.condition >= 1.0)
+        )
 
 
 @every_objective
@@ -53,7 +67,9 @@ def test_planner_turns_with_the_world_and_the_other_way_in_the_mirror(objective)
     for _ in range(5):
         pose, legs = world(rng)
         R, shift = rotation(0.7), np.array([31.0, -17.0])
-        there = op.Pose(*map(float, R @ [pose.x, pose.y] + shift), pose.heading + 0.7, pose.turn_rate)
+        there = op.Pose(
+            *map(float, R @ [pose.x, pose.y] + shift), pose.heading + 0.7, pose.turn_rate
+        )
         here, elsewhere, mirror = (
             planner(objective=objective).plan(p, beliefs(at))
             for p, at in (
@@ -62,7 +78,9 @@ def test_planner_turns_with_the_world_and_the_other_way_in_the_mirror(objective)
                 (op.Pose(pose.x, -pose.y, -pose.heading, -pose.turn_rate), legs * [1.0, -1.0]),
             )
         )
-        assert elsewhere.turn_rate == pytest.approx(here.turn_rate, abs=1e-6)  # tolerance 1e-8 over the curvature
+        assert elsewhere.turn_rate == pytest.approx(
+            here.turn_rate, abs=1e-6
+        )  # tolerance 1e-8 over the curvature
         assert mirror.turn_rate == pytest.approx(-here.turn_rate, abs=1e-6)
         assert elsewhere.score == pytest.approx(here.score, rel=1e-9, abs=1e-9)
 
@@ -71,7 +89,10 @@ def test_precise_squared_ranges_are_planned_for_by_optima():
     """Iterates whose covariances are far from what their turns lead to are indefinite: without a bound on that, most of these fail."""
     rng = np.random.default_rng(5)
     worlds = [world(rng) for _ in range(12)]
-    said = Counter(planner(ranging_kind="squared-range").plan(pose, beliefs(legs)).status for pose, legs in worlds)
+    said = Counter(
+        planner(ranging_kind="squared-range").plan(pose, beliefs(legs)).status
+        for pose, legs in worlds
+    )
     assert said == {Status.OPTIMAL: 12}
 
 
@@ -90,7 +111,11 @@ def test_asked_again_at_the_same_time_it_answers_the_same():
     pose, legs = world(np.random.default_rng(3))
     one = planner()
     first, again = (one.plan(pose, beliefs(legs), time=1.0) for _ in range(2))
-    assert (first.turn_rate, first.score, first.status) == (again.turn_rate, again.score, again.status)
+    assert (first.turn_rate, first.score, first.status) == (
+        again.turn_rate,
+        again.score,
+        again.status,
+    )
 
 
 @every_objective
@@ -98,17 +123,19 @@ def test_auv_of_weight_zero_has_no_say_and_weights_count_relative_to_each_other(
     pose, legs = world(np.random.default_rng(6))
     plan = lambda legs, weights: planner(objective=objective).plan(pose, beliefs(legs, weights))  # noqa: E731
     unheard, alone = plan(legs, (1.0, 0.0)), plan(legs[:1], (1.0,))
-    assert unheard.turn_rate == pytest.approx(alone.turn_rate, abs=1e-12)
-    assert unheard.score == pytest.approx(alone.score, rel=1e-12)
+    assert unheard.turn_rate == pytest.approx(alone.turn_rate, abs=TURN_TOLERANCE)
+    assert unheard.score == pytest.approx(alone.score, rel=1e-8)
     light, heavy = plan(legs, (0.5, 1.5)), plan(legs, (2.0, 6.0))
-    assert heavy.turn_rate == pytest.approx(light.turn_rate, abs=1e-9)
+    assert heavy.turn_rate == pytest.approx(light.turn_rate, abs=TURN_TOLERANCE)
 
 
 def test_but_it_is_kept_clear_of():
     near = [op.Belief.at(40.0, 0.0), op.Belief.at(14.0, 0.5, weight=0.0)]
     pose = op.Pose(0.0, 0.0, 0.0)
     options = {"objective": "log-det", "horizon": 12.0}
-    kept = planner(constraints=Constraints(min_separation=4.0, max_separation=60.0), **options).plan(pose, near)
+    kept = planner(
+        constraints=Constraints(min_separation=4.0, max_separation=60.0), **options
+    ).plan(pose, near)
     assert np.linalg.norm(kept.path[:, :2] - near[1].mean[:2], axis=1).min() > 4.0
 
 
@@ -128,7 +155,11 @@ def test_nobody_to_plan_for_and_numbers_that_are_none_are_answered_with_the_reas
         replace(good, process_noise=(NAN, 0.0, 0.0)),
     ):
         decision = asked.plan(pose, [bad, other])
-        assert (decision.status, decision.turn_rate, decision.speed) == (Status.INVALID_INPUT, 0.0, 2.0)
+        assert (decision.status, decision.turn_rate, decision.speed) == (
+            Status.INVALID_INPUT,
+            0.0,
+            2.0,
+        )
     assert asked.plan(op.Pose(0.0, NAN, 0.0), [good]).status == Status.INVALID_INPUT
 
 
@@ -137,28 +168,48 @@ def test_on_top_of_an_auv_and_among_a_hundred_there_is_a_decision(objective):
     rng = np.random.default_rng(12)
     limits = Constraints(max_separation=200.0)
     crowd = [
-        op.Belief.at(*map(float, rng.normal(0, 20, 2)), heading=1.0, speed=1.0, covariance=np.diag([4, 4, 0.1, 0.1])) for _ in range(100)
+        op.Belief.at(
+            *map(float, rng.normal(0, 20, 2)),
+            heading=1.0,
+            speed=1.0,
+            covariance=np.diag([4, 4, 0.1, 0.1]),
+        )
+        for _ in range(100)
     ]
     for auvs in ([op.Belief.at(3.0, 4.0)], crowd):
-        decision = planner(objective=objective, constraints=limits, stages=8).plan(op.Pose(3.0, 4.0, 0.3), auvs)
+        decision = planner(objective=objective, constraints=limits, stages=8).plan(
+            op.Pose(3.0, 4.0, 0.3), auvs
+        )
         assert decision.status in RUNGS
         assert abs(decision.turn_rate) <= 0.4 * (1 + 1e-15)
         assert np.isfinite(decision.path).all()
 
 
 @every_objective
-@pytest.mark.parametrize("area", [Disc(x=1.0, y=0.0, radius=4.0), Polygon(points=((-4.0, -3.0), (5.0, -4.0), (3.0, 6.0), (-5.0, 4.0)))])
-def test_keep_out_around_its_own_position_is_left_and_the_status_says_that_limits_are_broken(objective, area):
+@pytest.mark.parametrize(
+    "area",
+    [
+        Disc(x=1.0, y=0.0, radius=4.0),
+        Polygon(points=((-4.0, -3.0), (5.0, -4.0), (3.0, 6.0), (-5.0, 4.0))),
+    ],
+)
+def test_keep_out_around_its_own_position_is_left_and_the_status_says_that_limits_are_broken(
+    objective, area
+):
     decision = planner(objective=objective, constraints=Constraints(keep_out=(area,))).plan(
         op.Pose(0.0, 0.0, 0.3), [op.Belief.at(40.0, 3.0)]
     )
     assert decision.status in SAID
-    assert area.signed_distance(decision.path[5:, :2]).min() > -1e-3  # 10 s at 2 m/s lead out of either
+    assert (
+        area.signed_distance(decision.path[5:, :2]).min() > -1e-3
+    )  # 10 s at 2 m/s lead out of either
 
 
 def test_deadline_leaves_the_best_manoeuvre_and_a_generous_one_changes_nothing():
     pose, legs = world(np.random.default_rng(3))
-    hasty, patient, calm = (planner(deadline=d).plan(pose, beliefs(legs)) for d in (1e-9, 1e3, None))
+    hasty, patient, calm = (
+        planner(deadline=d).plan(pose, beliefs(legs)) for d in (1e-9, 1e3, None)
+    )
     assert hasty.status == Status.BEST_MANOEUVRE
     assert patient.turn_rate == calm.turn_rate
     assert calm.score <= hasty.score
@@ -173,9 +224,17 @@ def test_deadline_leaves_the_best_manoeuvre_and_a_generous_one_changes_nothing()
         ("decision_interval", 0.0, r"decision_interval must be positive and finite \[s\], got 0.0"),
         ("stages", 1, "stages must be at least 2, got 1"),
         ("max_iterations", 0, "max_iterations must be at least 1, got 0"),
-        ("max_turn_acceleration", 0.0, r"max_turn_acceleration must be positive and finite \[rad/s\^2\], got 0.0"),
+        (
+            "max_turn_acceleration",
+            0.0,
+            r"max_turn_acceleration must be positive and finite \[rad/s\^2\], got 0.0",
+        ),
         ("deadline", -1.0, r"deadline must be positive and finite \[s\], got -1.0"),
-        ("speed_range", (2.0, 1.0), r"speed_range must be 0 < least <= greatest \[m/s\], got \(2.0, 1.0\)"),
+        (
+            "speed_range",
+            (2.0, 1.0),
+            r"speed_range must be 0 < least <= greatest \[m/s\], got \(2.0, 1.0\)",
+        ),
     ],
 )
 def test_options_out_of_range_are_refused_by_name_and_value(option, value, message):
@@ -185,7 +244,15 @@ def test_options_out_of_range_are_refused_by_name_and_value(option, value, messa
 
 # Missions
 
-FENCE = ((-60.0, -60.0), (100.0, -60.0), (100.0, 60.0), (30.0, 60.0), (20.0, 10.0), (10.0, 60.0), (-60.0, 60.0))
+FENCE = (
+    (-60.0, -60.0),
+    (100.0, -60.0),
+    (100.0, 60.0),
+    (30.0, 60.0),
+    (20.0, 10.0),
+    (10.0, 60.0),
+    (-60.0, 60.0),
+)
 TRIANGLE = ((-25.0, -20.0), (0.0, -45.0), (15.0, -25.0))
 LIMITS = Constraints(
     keep_out=(Disc(x=45.0, y=-5.0, radius=12.0), Polygon(points=TRIANGLE)),
@@ -200,23 +267,35 @@ def flown(run):
     fractions = np.linspace(0.0, 1.0, 11)
     for k in range(len(run.time) - 1):
         for f in fractions:
-            at = arc(run.cna[k], run.turn_rate[k], run.speed[k], f * (run.time[k + 1] - run.time[k]))[:2]
+            at = arc(
+                run.cna[k], run.turn_rate[k], run.speed[k], f * (run.time[k + 1] - run.time[k])
+            )[:2]
             yield k, at, (1 - f) * run.truth[:, k, :2] + f * run.truth[:, k + 1, :2]
 
 
 @pytest.mark.slow
 @every_objective
 def test_mission_breaks_no_limit_along_the_true_path_unless_the_status_said_so(objective):
-    mission = scenario(planner={"kind": "information", "interval": 1.0, "knowledge": "truth"}, duration=90.0)
+    mission = scenario(
+        planner={"kind": "information", "interval": 1.0, "knowledge": "truth"}, duration=90.0
+    )
     spy = Spy(planner(objective=objective, constraints=LIMITS))
     run = op.simulate(mission, planner=spy)
     said = Counter(decision.status for *_, decision in spy.said)
-    free = shapely.Polygon(FENCE).difference(shapely.Polygon(TRIANGLE)).difference(shapely.Point(45.0, -5.0).buffer(12.0, quad_segs=500))
+    free = (
+        shapely.Polygon(FENCE)
+        .difference(shapely.Polygon(TRIANGLE))
+        .difference(shapely.Point(45.0, -5.0).buffer(12.0, quad_segs=500))
+    )
     close = np.inf
     for k, at, auvs in flown(run):
         distance = np.linalg.norm(at - auvs, axis=1)
         inside = shapely.contains(free, shapely.Point(at))
-        room = min(shapely.distance(free.boundary, shapely.Point(at)) * (1 if inside else -1), distance.min() - 3.0, 90.0 - distance.max())
+        room = min(
+            shapely.distance(free.boundary, shapely.Point(at)) * (1 if inside else -1),
+            distance.min() - 3.0,
+            90.0 - distance.max(),
+        )
         assert room > -1e-3 or run.status[2 * (k // 2)] in SAID, (k, room)
         close = min(close, room)
     assert said[Status.OPTIMAL] >= 80, said
@@ -225,7 +304,9 @@ def test_mission_breaks_no_limit_along_the_true_path_unless_the_status_said_so(o
 
 @pytest.mark.slow
 def test_turns_of_a_mission_change_no_faster_than_the_vehicle_can():
-    mission = scenario(planner={"kind": "information", "interval": 1.0, "knowledge": "truth"}, duration=40.0)
+    mission = scenario(
+        planner={"kind": "information", "interval": 1.0, "knowledge": "truth"}, duration=40.0
+    )
     run = op.simulate(mission, planner=planner(max_turn_acceleration=0.05, speed_range=(1.0, 2.0)))
     at_decisions = np.concatenate([[0.0], run.turn_rate[::2]])
     assert np.abs(np.diff(at_decisions)).max() <= 0.05 + 1e-9
@@ -236,7 +317,9 @@ def test_turns_of_a_mission_change_no_faster_than_the_vehicle_can():
 @pytest.mark.slow
 @pytest.mark.parametrize("knowledge", ["estimate", "survey"])
 def test_mission_under_what_is_known_of_the_auvs_is_flown_by_optima(knowledge):
-    mission = scenario(planner={"kind": "information", "interval": 1.0, "knowledge": knowledge}, duration=40.0)
+    mission = scenario(
+        planner={"kind": "information", "interval": 1.0, "knowledge": knowledge}, duration=40.0
+    )
     spy = Spy(planner())
     run = op.simulate(mission, planner=spy)
     assert {decision.status for *_, decision in spy.said} <= {Status.OPTIMAL, Status.RESTARTED}
@@ -246,7 +329,13 @@ def test_mission_under_what_is_known_of_the_auvs_is_flown_by_optima(knowledge):
 
 def test_decisions_between_stage_ends_keep_to_the_trajectory():
     auvs = [op.Belief.at(0.0, 0.0)]
-    asked = planner(objective="log-det", constraints=Constraints(max_separation=30.0), decision_interval=1.0, horizon=24.0, stages=6)
+    asked = planner(
+        objective="log-det",
+        constraints=Constraints(max_separation=30.0),
+        decision_interval=1.0,
+        horizon=24.0,
+        stages=6,
+    )
     pose, scores = op.Pose(18.0, -3.0, 0.7), []
     for k in range(4):  # a stage lasts four decisions
         decision = asked.plan(pose, auvs, time=float(k))

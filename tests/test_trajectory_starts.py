@@ -10,8 +10,14 @@ from formulations.trajectory import Limits, optimise
 
 STAGES, STEP = 20, 0.25
 LEAST, GREATEST = 0.5, 8.0
-BULGE = (STEP / 2) ** 2 / 8  # of an arc over its chord between the points looked at, times its curvature
-MARGIN = {"greatest": BULGE / RADIUS, "least": BULGE * (1 / RADIUS + 1 / LEAST), "disc": BULGE * (1 / RADIUS + 1 / DISC[2])}
+BULGE = (
+    STEP / 2
+) ** 2 / 8  # of an arc over its chord between the points looked at, times its curvature
+MARGIN = {
+    "greatest": BULGE / RADIUS,
+    "least": BULGE * (1 / RADIUS + 1 / LEAST),
+    "disc": BULGE * (1 / RADIUS + 1 / DISC[2]),
+}
 STARTS, SAME = 50, 1e-4  # of the score; different optima are 1e-2 apart and more
 
 
@@ -36,7 +42,9 @@ def disc_limits():
 
     def after(ends):
         left = RADIUS * np.stack([-np.sin(ends[:, 2]), np.cos(ends[:, 2])], axis=-1)
-        return np.stack([off(ends[:, :2] + side * left, DISC[2] + RADIUS) for side in (1, -1)], axis=-1)
+        return np.stack(
+            [off(ends[:, :2] + side * left, DISC[2] + RADIUS) for side in (1, -1)], axis=-1
+        )
 
     return Limits(along, after)
 
@@ -50,18 +58,41 @@ def single_shooting():
         for _ in range(2):
             half = u[k] * STEP / 4
             small = ca.fabs(half) < 1e-3
-            chord = STEP / 2 * ca.if_else(small, 1 - half**2 / 6 + half**4 / 120, ca.sin(half) / ca.if_else(small, 1.0, half))
+            chord = (
+                STEP
+                / 2
+                * ca.if_else(
+                    small,
+                    1 - half**2 / 6 + half**4 / 120,
+                    ca.sin(half) / ca.if_else(small, 1.0, half),
+                )
+            )
             x, y, h = x + chord * ca.cos(h + half), y + chord * ca.sin(h + half), h + 2 * half
             path.append((x, y))
-            d, off = ca.sqrt(x**2 + y**2 + 1e-12), ca.sqrt((x - DISC[0]) ** 2 + (y - DISC[1]) ** 2 + 1e-12)
-            rows += [d - LEAST - MARGIN["least"], GREATEST - MARGIN["greatest"] - d, off - DISC[2] - MARGIN["disc"]]
+            d, off = (
+                ca.sqrt(x**2 + y**2 + 1e-12),
+                ca.sqrt((x - DISC[0]) ** 2 + (y - DISC[1]) ** 2 + 1e-12),
+            )
+            rows += [
+                d - LEAST - MARGIN["least"],
+                GREATEST - MARGIN["greatest"] - d,
+                off - DISC[2] - MARGIN["disc"],
+            ]
         for (px, py), w in zip(path, np.array([1, 4, 1]) * 4 * STEP / 6, strict=True):
             h11, h12, h22 = h11 + w * px**2, h12 + w * px * py, h22 + w * py**2
     cx, cy = x - given[3] * RADIUS * ca.sin(h), y + given[3] * RADIUS * ca.cos(h)
-    rows.append(ca.sqrt((cx - DISC[0]) ** 2 + (cy - DISC[1]) ** 2) - DISC[2] - RADIUS - MARGIN["disc"])
+    rows.append(
+        ca.sqrt((cx - DISC[0]) ** 2 + (cy - DISC[1]) ** 2) - DISC[2] - RADIUS - MARGIN["disc"]
+    )
     cost = -ca.log(ca.fmax(h11 * h22 - h12**2, 1e-6))
-    options = {"print_time": False, "show_eval_warnings": False, "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 150}}
-    return ca.nlpsol("turns", "ipopt", {"x": u, "p": given, "f": cost, "g": ca.vertcat(*rows)}, options)
+    options = {
+        "print_time": False,
+        "show_eval_warnings": False,
+        "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 150},
+    }
+    return ca.nlpsol(
+        "turns", "ipopt", {"x": u, "p": given, "f": cost, "g": ca.vertcat(*rows)}, options
+    )
 
 
 def best_known(solver, pose, guesses):
@@ -78,7 +109,9 @@ def best_known(solver, pose, guesses):
 def test_nearly_every_start_is_accepted_at_once_and_ends_at_the_best_known_optimum():
     rng = np.random.default_rng(7)
     solver, asked = single_shooting(), poses(rng)
-    guesses = [np.full(STAGES, u) for u in (-2.0, -1.0, 0.0, 1.0, 2.0)] + [np.repeat(rng.uniform(-2, 2, 4), 5) for _ in range(7)]
+    guesses = [np.full(STAGES, u) for u in (-2.0, -1.0, 0.0, 1.0, 2.0)] + [
+        np.repeat(rng.uniform(-2, 2, 4), 5) for _ in range(7)
+    ]
     accepted, best = 0, 0
     for _ in range(STARTS):
         pose = next(asked)

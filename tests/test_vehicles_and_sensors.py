@@ -9,7 +9,10 @@ from obsplan.sensors import SENSORS, Heading, Range, SquaredRange
 from obsplan.vehicles import VEHICLES, DeadReckoning, Unicycle
 
 CURRENT = (0.3, -0.2)
-MODELS = {"unicycle": Unicycle(speed=1.5, min_turn_radius=2.0), "dead-reckoning": DeadReckoning(current=CURRENT)}
+MODELS = {
+    "unicycle": Unicycle(speed=1.5, min_turn_radius=2.0),
+    "dead-reckoning": DeadReckoning(current=CURRENT),
+}
 STATES = {"unicycle": 3, "dead-reckoning": 4}
 
 
@@ -28,13 +31,17 @@ def central_difference(f, x, step=1e-6):
 def test_unicycle_moves_on_the_arc_of_complex_numbers(turn_rate):
     pose = np.array([3.0, -2.0, 0.7])
     for dt in (0.1, 1.0, 9.0):
-        moved = evaluate(lambda x, u, dt=dt: MODELS["unicycle"].step(x, u, dt), pose, np.array([turn_rate, 2.5]))
+        moved = evaluate(
+            lambda x, u, dt=dt: MODELS["unicycle"].step(x, u, dt), pose, np.array([turn_rate, 2.5])
+        )
         np.testing.assert_allclose(moved[:, 0], arc(pose, turn_rate, 2.5, dt), atol=1e-12)
 
 
 @pytest.mark.parametrize("turn_rate", [1e-9, -1e-160, 5e-324])
 def test_unicycle_barely_turning_goes_straight(turn_rate):
-    moved = evaluate(lambda x, u: MODELS["unicycle"].step(x, u, 2.0), np.zeros(3), np.array([turn_rate, 1.0]))
+    moved = evaluate(
+        lambda x, u: MODELS["unicycle"].step(x, u, 2.0), np.zeros(3), np.array([turn_rate, 1.0])
+    )
     np.testing.assert_allclose(moved[:, 0], [2.0, 0.0, 0.0], atol=1e-8)
 
 
@@ -45,12 +52,18 @@ def test_unicycle_turns_no_tighter_than_its_radius():
 @pytest.mark.parametrize("field", ["speed", "min_turn_radius"])
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
 def test_unicycle_refuses_what_no_vehicle_has(field, value):
-    with pytest.raises(ValueError, match=rf"{field} must be positive and finite \[m.*\], got {value}"):
+    with pytest.raises(
+        ValueError, match=rf"{field} must be positive and finite \[m.*\], got {value}"
+    ):
         op.Unicycle(**({"speed": 1.0, "min_turn_radius": 1.0} | {field: value}))
 
 
 def test_dead_reckoning_holds_its_velocity_over_the_sample_and_turns_at_its_end():
-    moved = evaluate(lambda x, u: MODELS["dead-reckoning"].step(x, u, 2.0), np.array([1.0, 2.0, np.pi / 3, 0.8]), np.array([0.25, -0.1]))
+    moved = evaluate(
+        lambda x, u: MODELS["dead-reckoning"].step(x, u, 2.0),
+        np.array([1.0, 2.0, np.pi / 3, 0.8]),
+        np.array([0.25, -0.1]),
+    )
     east, north = 1.0 + 2 * (0.8 * 0.5 + 0.3), 2.0 + 2 * (0.8 * np.sqrt(0.75) - 0.2)
     np.testing.assert_allclose(moved[:, 0], [east, north, np.pi / 3 + 0.25, 0.7], rtol=1e-14)
 
@@ -73,7 +86,10 @@ def test_jacobian_at_an_expression_is_the_jacobian_at_its_value():
 
 def test_transitions_are_the_jacobians_at_each_state_without_control():
     states = np.random.default_rng(2).normal(size=(7, 4))
-    step = lambda x: evaluate(lambda x: MODELS["dead-reckoning"].step(x, ca.SX.zeros(4), 0.4), x)[:, 0]  # noqa: E731
+
+    def step(x):
+        return evaluate(lambda x: MODELS["dead-reckoning"].step(x, ca.SX.zeros(4), 0.4), x)[:, 0]
+
     for F, x in zip(transitions(MODELS["dead-reckoning"], states, 0.4), states, strict=True):
         np.testing.assert_allclose(F, central_difference(step, x), atol=1e-8)
 
@@ -81,7 +97,7 @@ def test_transitions_are_the_jacobians_at_each_state_without_control():
 TRUTH = {
     "range": lambda x, beacon: abs(complex(*x[:2]) - complex(*beacon[:2])),
     "squared-range": lambda x, beacon: abs(complex(*x[:2]) - complex(*beacon[:2])) ** 2,
-    "heading": lambda x, beacon: x[2],  # noqa: ARG005
+    "heading": lambda x, beacon: x[2],
 }
 
 
@@ -101,7 +117,10 @@ def test_every_sensor_measures_what_it_says_and_its_jacobian_is_the_limit_of_dif
 def test_at_coincidence_the_range_is_zero_and_tells_no_direction(sensor):
     x = np.array([3.0, -1.0, 0.2, 1.0])
     assert evaluate(sensor.measure, x, x[:2])[0, 0] == 0.0
-    np.testing.assert_array_equal(evaluate(lambda x, b: jacobian(lambda s: sensor.measure(s, b), x), x, x[:2]), np.zeros((1, 4)))
+    np.testing.assert_array_equal(
+        evaluate(lambda x, b: jacobian(lambda s: sensor.measure(s, b), x), x, x[:2]),
+        np.zeros((1, 4)),
+    )
 
 
 def test_only_the_heading_is_an_angle():

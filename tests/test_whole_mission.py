@@ -22,11 +22,15 @@ def mission(*, steps=60, auvs=2, every=5, squared=False, seed=0, **change):
     """AUVs that wander about the origin, some 30 m from the aid vehicle."""
     rng = RNG(seed)
     psi = rng.uniform(-3, 3, auvs) + np.cumsum(rng.normal(0, 0.1, (steps + 1, auvs)), axis=0)
-    heading, speed = np.stack([np.cos(psi), np.sin(psi)], axis=-1), rng.uniform(0.5, 1.5, (steps + 1, auvs))
+    heading, speed = (
+        np.stack([np.cos(psi), np.sin(psi)], axis=-1),
+        rng.uniform(0.5, 1.5, (steps + 1, auvs)),
+    )
     moves = 0.5 * speed[:-1, :, None] * heading[:-1]
     given = {
         "time_step": 0.5,
-        "position": rng.normal(0, 10, (auvs, 2)) + np.concatenate([np.zeros((1, auvs, 2)), np.cumsum(moves, axis=0)]),
+        "position": rng.normal(0, 10, (auvs, 2))
+        + np.concatenate([np.zeros((1, auvs, 2)), np.cumsum(moves, axis=0)]),
         "heading": heading,
         "speed": speed,
         "covariance": np.stack([np.diag([9.0, 4.0, 0.01, 0.04])] * auvs),
@@ -71,7 +75,10 @@ def filtered(m, x):
                 H, R = 2 * away, m.ranging.sigma**2 + second
             else:
                 across = np.array([-away[1], away[0]]) / d
-                H, R = away / d, m.ranging.sigma**2 + 3 * (across @ P[i, :2, :2] @ across / (2 * d)) ** 2
+                H, R = (
+                    away / d,
+                    m.ranging.sigma**2 + 3 * (across @ P[i, :2, :2] @ across / (2 * d)) ** 2,
+                )
             H = np.array([*H, 0.0, 0.0])
             P[i] = np.linalg.inv(np.linalg.inv(P[i]) + np.outer(H, H) / R)
         after.append(np.trace(P[:, :2, :2], axis1=1, axis2=2))
@@ -102,11 +109,15 @@ def test_covariance_before_the_last_range_is_the_filters_to_rounding():
     last_moment = np.zeros_like(m.stages.share)
     last_moment[-1, 2] = 1.0  # nothing counts but the end of the last stage
     m.__dict__["stages"] = m.stages._replace(share=last_moment)
-    assert PredictedVariance(m)(x[m.stages.end])[0] == pytest.approx(filtered(m, x)[0][-1, 0], rel=1e-10)
+    assert PredictedVariance(m)(x[m.stages.end])[0] == pytest.approx(
+        filtered(m, x)[0][-1, 0], rel=1e-10
+    )
 
 
 def test_many_ranges_taken_together_tell_nearly_as_much_as_one_by_one():
-    sure = np.diag([0.04, 0.04, 1e-4, 1e-4])[None]  # one by one, ranges do not share their second-order error
+    sure = np.diag([0.04, 0.04, 1e-4, 1e-4])[
+        None
+    ]  # one by one, ranges do not share their second-order error
     m = mission(steps=2000, every=2, auvs=1, time_step=0.05, max_turn_rate=0.2, covariance=sure)
     assert len(m.stages.end) < 400 < len(m.pings)
     assert m.stages.pings.sum() == len(m.pings)
@@ -127,11 +138,18 @@ def test_gradient_is_the_difference_quotient(hold, limited):
     turns = Turns(m, hold)
     out = (lambda x, _: 20.0 - np.hypot(x[..., 0], x[..., 1])) if limited else None
     objective = Objective(turns, PredictedVariance(m), out, 5.0)
-    w = RNG(4).uniform(-1, 1, turns.count) * (np.arange(turns.count) % 3 > 0)  # some straight on, where the arc's formula is 0/0
+    w = RNG(4).uniform(-1, 1, turns.count) * (
+        np.arange(turns.count) % 3 > 0
+    )  # some straight on, where the arc's formula is 0/0
     _, gradient = objective.penalised(w, 10.0)
     step = 1e-5  # error of the quotient: step^2, and 1e-15 / step of rounding
-    ahead, behind = ([objective.penalised(w + sign * step * e, 10.0)[0] for e in np.eye(w.size)] for sign in (1, -1))
-    np.testing.assert_allclose(gradient, (np.array(ahead) - behind) / (2 * step), rtol=1e-5, atol=1e-6)
+    ahead, behind = (
+        [objective.penalised(w + sign * step * e, 10.0)[0] for e in np.eye(w.size)]
+        for sign in (1, -1)
+    )
+    np.testing.assert_allclose(
+        gradient, (np.array(ahead) - behind) / (2 * step), rtol=1e-5, atol=1e-6
+    )
 
 
 def test_plan_is_no_worse_than_any_start_and_keeps_the_turning_limit():
@@ -142,7 +160,10 @@ def test_plan_is_no_worse_than_any_start_and_keeps_the_turning_limit():
     assert plan.score <= min(scores)
     assert np.abs(plan.turn_rates).max() <= m.max_turn_rate
     assert plan.score == pytest.approx(
-        PredictedVariance(m)(followed(m, plan.turn_rates / m.max_turn_rate, 4)[m.stages.end, :2])[0], rel=1e-9
+        PredictedVariance(m)(followed(m, plan.turn_rates / m.max_turn_rate, 4)[m.stages.end, :2])[
+            0
+        ],
+        rel=1e-9,
     )
     assert plan.status in (Status.OPTIMAL, Status.INACCURATE)
 
@@ -169,12 +190,18 @@ def shrunk(m, scale):
 
 
 def test_small_mission_is_planned_as_well_as_a_large_one():
-    large, small_one = (optimise(m, hold=4, count=4, random=RNG(5)) for m in (mission(seed=4), shrunk(mission(seed=4), 1e-3)))
+    large, small_one = (
+        optimise(m, hold=4, count=4, random=RNG(5))
+        for m in (mission(seed=4), shrunk(mission(seed=4), 1e-3))
+    )
     assert small_one.score == pytest.approx(1e-6 * large.score, rel=1e-4)
 
 
 def test_violations_alike_are_ranked_by_score_but_none_comes_first():
-    tried = [Try(np.zeros(1), Status.OPTIMAL, broken, score) for broken, score in ((5.0002, 2.0), (5.0004, 1.0), (6.0, 0.5), (2e-4, 9.0))]
+    tried = [
+        Try(np.zeros(1), Status.OPTIMAL, broken, score)
+        for broken, score in ((5.0002, 2.0), (5.0004, 1.0), (6.0, 0.5), (2e-4, 9.0))
+    ]
     kept = Try(np.zeros(1), Status.OPTIMAL, 0.0, 10.0)
     assert sorted([*tried, kept], key=rank) == [kept, tried[3], tried[1], tried[0], tried[2]]
 
@@ -187,17 +214,28 @@ def moored(radius):
         "heading": np.ones((steps + 1, 1, 2)) * [1.0, 0.0],
         "speed": np.zeros((steps + 1, 1)),
     }
-    known = {"covariance": np.diag([0.5, 0.5, 1e-4, 1e-6])[None], "process_noise": np.array([[0.05, 0.05, 0.0, 0.0]]), "compass": 0.02}
+    known = {
+        "covariance": np.diag([0.5, 0.5, 1e-4, 1e-6])[None],
+        "process_noise": np.array([[0.05, 0.05, 0.0, 0.0]]),
+        "compass": 0.02,
+    }
     where = {"start": np.array([radius, 0.0, np.pi / 2]), "cna_speed": 1.0, "max_turn_rate": 0.5}
     return mission(steps=steps, auvs=1, every=10, time_step=1.0, **at_rest, **known, **where)
 
 
 def test_plan_about_an_auv_at_rest_sees_it_at_right_angles_and_beats_every_circle():
     radii, seconds = np.arange(2.0, 40.0, 0.25), np.arange(401.0)
-    circles = [radius * np.stack([np.cos(seconds / radius), np.sin(seconds / radius)], axis=-1) for radius in radii]
-    scores = [mean_variance(moored(radius), circle) for radius, circle in zip(radii, circles, strict=True)]
+    circles = [
+        radius * np.stack([np.cos(seconds / radius), np.sin(seconds / radius)], axis=-1)
+        for radius in radii
+    ]
+    scores = [
+        mean_variance(moored(radius), circle) for radius, circle in zip(radii, circles, strict=True)
+    ]
     best = radii[np.argmin(scores)]
-    assert best == pytest.approx(10.0 / (np.pi / 2), abs=0.5)  # a quarter of a turn between ranges; 0.5: farther off, the sagitta is less
+    assert best == pytest.approx(
+        10.0 / (np.pi / 2), abs=0.5
+    )  # a quarter of a turn between ranges; 0.5: farther off, the sagitta is less
     plan = optimise(moored(best), hold=5, count=19, random=RNG(6))
     assert plan.score <= min(scores) * (1 + 1e-3)  # of the rules of integration
     sight = followed(moored(best), plan.turn_rates / 0.5, 5)[10::10, :2]

@@ -23,7 +23,9 @@ def small(starts=10, **change):
 
 def silent(monkeypatch):
     """Missions without noise."""
-    monkeypatch.setattr("obsplan.simulation.inputs.streams", lambda _: (Silent(), Silent(), Silent()))
+    monkeypatch.setattr(
+        "obsplan.simulation.inputs.streams", lambda _: (Silent(), Silent(), Silent())
+    )
 
 
 def predicted(run):
@@ -33,7 +35,12 @@ def predicted(run):
 
 def test_score_is_what_the_filters_say_where_nothing_is_disturbed(monkeypatch):
     silent(monkeypatch)
-    run = op.simulate(small(auv__0__first_estimate={"sigma_position": 0.5}, auv__1__first_estimate={"sigma_position": 0.5}))
+    run = op.simulate(
+        small(
+            auv__0__first_estimate={"sigma_position": 0.5},
+            auv__1__first_estimate={"sigma_position": 0.5},
+        )
+    )
     # the filters leave out the second-order error, here about (0.4^2 / 30)^2 of sigma^2; their samples come after the ranges
     assert predicted(run) == pytest.approx(run.score[0], rel=0.1)
     assert predicted(run) < run.score[0]
@@ -41,10 +48,15 @@ def test_score_is_what_the_filters_say_where_nothing_is_disturbed(monkeypatch):
 
 def test_mission_known_beforehand_goes_no_worse_than_with_the_receding_horizon(monkeypatch):
     silent(monkeypatch)
-    for change in ({"ranging__interval": 6.0}, {"cna__start": {"x": -30.0, "y": 30.0, "heading_deg": 0.0}}):
+    for change in (
+        {"ranging__interval": 6.0},
+        {"cna__start": {"x": -30.0, "y": 30.0, "heading_deg": 0.0}},
+    ):
         whole = op.simulate(small(**change))
         receding = op.simulate(small(**change), planner="information")
-        assert predicted(whole) <= predicted(receding) * 1.005  # 0.005: what the filters leave out and the score counts
+        assert (
+            predicted(whole) <= predicted(receding) * 1.005
+        )  # 0.005: what the filters leave out and the score counts
 
 
 def test_plan_depends_on_no_noise_and_is_flown_to_the_letter():
@@ -75,11 +87,16 @@ def test_path_of_a_decision_leads_to_the_missions_end():
     mission = small()
     planner = mission.planner()
     decision = planner.plan(mission.start, [op.Belief.at(0.0, 0.0)])
-    pose, turns = (mission.start.x, mission.start.y, mission.start.heading), planner.voyage(mission.start).turn_rates
+    pose, turns = (
+        (mission.start.x, mission.start.y, mission.start.heading),
+        planner.voyage(mission.start).turn_rates,
+    )
     for turn in turns:
         pose = arc(pose, turn, 2.0, planner.turn_duration)
     np.testing.assert_allclose(decision.path[-1], pose, atol=1e-9)
-    after = planner.plan(op.Pose(*map(float, decision.path[-1])), [op.Belief.at(0.0, 0.0)], time=100.0)
+    after = planner.plan(
+        op.Pose(*map(float, decision.path[-1])), [op.Belief.at(0.0, 0.0)], time=100.0
+    )
     assert math.isfinite(after.turn_rate)
 
 
@@ -102,26 +119,41 @@ def test_auvs_stray_from_their_filed_tracks_as_far_as_expected():
     straight = {"kind": "waypoints", "points": [[0.0, 0.0], [48.0, 64.0]]}
     filed = small(auv__0__survey=straight, auv__0__process_noise=noise).planner().filed
     rng, dt, copies = RNG(8), 0.5, 5000
-    x, course, speed = np.zeros(copies, dtype=complex), np.full(copies, math.atan2(64, 48)), np.full(copies, 1.5)
+    x, course, speed = (
+        np.zeros(copies, dtype=complex),
+        np.full(copies, math.atan2(64, 48)),
+        np.full(copies, 1.5),
+    )
     for _ in filed.time[1:]:  # from the survey's heading and speed at every sample, disturbed
         moved = speed * np.exp(1j * course) * dt
         x += moved + 0.05 * math.sqrt(dt) * (rng.normal(size=copies) + 1j * rng.normal(size=copies))
         course = math.atan2(64, 48) + math.radians(5.0) * math.sqrt(dt) * rng.normal(size=copies)
         speed = 1.5 + 0.02 * math.sqrt(dt) * rng.normal(size=copies)
     largest = np.linalg.eigvalsh(np.cov(x.real, x.imag))[-1]
-    assert filed.straying[-1, 0] == pytest.approx(math.sqrt(largest), rel=0.04)  # four times 1 / sqrt(2 x 5000)
+    assert filed.straying[-1, 0] == pytest.approx(
+        math.sqrt(largest), rel=0.04
+    )  # four times 1 / sqrt(2 x 5000)
     assert filed.straying[0, 0] == 0.0
 
 
 def test_separations_are_kept_from_auvs_that_stray():
     noise = {"position": 0.3, "heading_deg": 0.5, "speed": 0.02}
-    near = {"cna__start": {"x": -30.0, "y": 30.0, "heading_deg": 0.0}, "constraints": {"min_separation": 20.0}}
+    near = {
+        "cna__start": {"x": -30.0, "y": 30.0, "heading_deg": 0.0},
+        "constraints": {"min_separation": 20.0},
+    }
     disturbed = small(starts=3, auv__0__process_noise=noise, auv__1__process_noise=noise, **near)
     runs = [op.simulate(disturbed, seed=seed) for seed in range(20)]
     planned = np.linalg.norm(runs[0].cna[:, None, :2] - disturbed.planner().filed.position, axis=-1)
     assert planned.min() < 30.0  # it comes near enough for the limit to bind
-    assert {status for run in runs for status in run.status_counts} <= {"optimal", "inaccurate", "best-manoeuvre"}
-    beyond = 2 * 0.5 * math.erfc(SURE / math.sqrt(2))  # of the time, were it always at the limit: two AUVs, either too near
+    assert {status for run in runs for status in run.status_counts} <= {
+        "optimal",
+        "inaccurate",
+        "best-manoeuvre",
+    }
+    beyond = (
+        2 * 0.5 * math.erfc(SURE / math.sqrt(2))
+    )  # of the time, were it always at the limit: two AUVs, either too near
     assert np.mean([run.violation > 0 for run in runs]) <= beyond
 
 
@@ -137,25 +169,36 @@ def test_greatest_separation_alone_is_kept_on_top_of_an_auv():
     at_one_place = np.broadcast_to([3.0, 4.0], (81, 2, 2))
     _, violation = limits_of(Constraints(max_separation=50.0), position=at_one_place)
     there, time = np.array([[3.0, 4.0], [53.0, 4.0], [63.0, 4.0]]), np.full(3, 10.0)
-    np.testing.assert_allclose(violation(there, time), np.array([-50.0, 0.0, 10.0]) + 0.5, atol=1e-9)  # half a step of 2 m/s x 0.5 s
+    np.testing.assert_allclose(
+        violation(there, time), np.array([-50.0, 0.0, 10.0]) + 0.5, atol=1e-9
+    )  # half a step of 2 m/s x 0.5 s
 
 
 def test_vehicles_that_pass_each_other_between_samples_are_noticed():
     time = 0.5 * np.arange(81.0)
     eastward = np.stack([1.5 * (time - 10.25), np.zeros(81)], axis=-1)
-    frame, violation = limits_of(Constraints(min_separation=1.3), position=np.stack([eastward, eastward], axis=1))
-    westward = np.stack([-2.0 * (time - 10.25), np.zeros(81)], axis=-1)  # both at the origin at 10.25 s
+    frame, violation = limits_of(
+        Constraints(min_separation=1.3), position=np.stack([eastward, eastward], axis=1)
+    )
+    westward = np.stack(
+        [-2.0 * (time - 10.25), np.zeros(81)], axis=-1
+    )  # both at the origin at 10.25 s
     assert violation(frame.seen(westward), time).max() >= 1.3 - 1e-9
 
 
 def seen_from(filed, pose, angle, mirror):
     """The same world from axes turned, after a mirror along the east axis where that is -1."""
-    R = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]) @ np.diag([1.0, mirror])
+    R = np.array(
+        [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
+    ) @ np.diag([1.0, mirror])
     turn = np.eye(4)
     turn[:2, :2], turn[2, 2] = R, mirror
     x, y = R @ [pose.x, pose.y]
     there = replace(
-        filed, position=filed.position @ R.T, heading=mirror * filed.heading + angle, covariance=turn @ filed.covariance @ turn.T
+        filed,
+        position=filed.position @ R.T,
+        heading=mirror * filed.heading + angle,
+        covariance=turn @ filed.covariance @ turn.T,
     )
     return there, op.Pose(float(x), float(y), mirror * pose.heading + angle)
 
@@ -163,17 +206,29 @@ def seen_from(filed, pose, angle, mirror):
 @pytest.mark.parametrize(("angle", "mirror"), [(0.7, 1.0), (0.0, -1.0), (-2.0, -1.0)])
 def test_turned_or_mirrored_world_is_the_same_problem_whatever_the_first_covariance(angle, mirror):
     planner, pose = small(starts=2).planner(), small().start
-    uneven = np.array([[9.0, 3.0, 0.02, 0.1], [3.0, 2.0, -0.01, 0.05], [0.02, -0.01, 0.01, 0.0], [0.1, 0.05, 0.0, 0.04]])
+    uneven = np.array(
+        [
+            [9.0, 3.0, 0.02, 0.1],
+            [3.0, 2.0, -0.01, 0.05],
+            [0.02, -0.01, 0.01, 0.0],
+            [0.1, 0.05, 0.0, 0.04],
+        ]
+    )
     filed = replace(planner.filed, covariance=np.stack([uneven, 0.5 * uneven]))
     there, start = seen_from(filed, pose, angle, mirror)
-    one, other = replace(planner, filed=filed).voyage(pose), replace(planner, filed=there).voyage(start)
+    one, other = (
+        replace(planner, filed=filed).voyage(pose),
+        replace(planner, filed=there).voyage(start),
+    )
     assert other.plan.score == pytest.approx(one.plan.score, rel=1e-9)
     np.testing.assert_allclose(other.turn_rates, mirror * one.turn_rates, atol=1e-9)
 
 
 def test_plan_made_near_the_end_expects_no_ranges_but_the_missions(monkeypatch):
     asked = []
-    monkeypatch.setattr("obsplan.planners.whole_mission.optimise", lambda known, **_: asked.append(known))
+    monkeypatch.setattr(
+        "obsplan.planners.whole_mission.optimise", lambda known, **_: asked.append(known)
+    )
     planner = small(ranging__interval=7.0).planner()
     with pytest.raises(AttributeError):
         planner.voyage(op.Pose(1.0, 2.0, 3.0), time=33.0)
@@ -192,31 +247,52 @@ def test_options_out_of_range_are_refused_by_name_value_and_remedy():
     for change, words in (
         ({"starts": 0}, "starts must be at least 1, got 0"),
         ({"search_seed": -1}, "search_seed must be at least 0, got -1"),
-        ({"segment": 1.5}, r"segment must be a whole multiple of the time between decisions, 1.0 s, got 1.5 s"),
+        (
+            {"segment": 1.5},
+            r"segment must be a whole multiple of the time between decisions, 1.0 s, got 1.5 s",
+        ),
         ({"segment": 0.0}, r"segment must be a whole multiple .*, got 0.0 s"),
-        ({"ping_interval": 0.01}, r"ping_interval must be a whole multiple of the time step, 0.5 s, got 0.01 s"),
-        ({"ping_interval": 0.7}, r"ping_interval must be a whole multiple of the time step, 0.5 s, got 0.7 s"),
+        (
+            {"ping_interval": 0.01},
+            r"ping_interval must be a whole multiple of the time step, 0.5 s, got 0.01 s",
+        ),
+        (
+            {"ping_interval": 0.7},
+            r"ping_interval must be a whole multiple of the time step, 0.5 s, got 0.7 s",
+        ),
         ({"sigma": float("nan")}, r"sigma must be positive and finite \[m\], got nan"),
         ({"heading_sigma": 0.0}, r"heading_sigma must be positive and finite \[rad\], got 0.0"),
     ):
         with pytest.raises(ValueError, match=words):
             replace(planner, **change)
-    with pytest.raises(op.ObsplanError, match=r"planner: segment must be at least 2 s in a mission of this length, got 1.0 s"):
+    with pytest.raises(
+        op.ObsplanError,
+        match=r"planner: segment must be at least 2 s in a mission of this length, got 1.0 s",
+    ):
         scenario(planner={"kind": "whole-mission", "interval": 1.0, "segment": 1.0}, duration=500.0)
 
 
 def test_turns_last_half_the_time_between_ranges_and_are_bounded_in_number():
     assert small().planner().turn_duration == 1.0
     assert small(ranging__interval=7.0).planner().turn_duration == 3.0
-    long = scenario(planner={"kind": "whole-mission", "interval": 1.0}, duration=4000.0, ranging={"interval": 4.0})
+    long = scenario(
+        planner={"kind": "whole-mission", "interval": 1.0},
+        duration=4000.0,
+        ranging={"interval": 4.0},
+    )
     assert long.planner().turn_duration == 10.0
-    asked = scenario(planner={"kind": "whole-mission", "interval": 1.0, "segment": 5.0}, duration=60.0)
+    asked = scenario(
+        planner={"kind": "whole-mission", "interval": 1.0, "segment": 5.0}, duration=60.0
+    )
     assert asked.planner().turn_duration == 5.0
     assert asked.planner().voyage(asked.start).turn_rates.size == 12
 
 
 def test_more_freedom_in_the_turns_and_other_random_ones_are_other_plans():
-    coarse, fine = (small().planner().voyage(small().start), replace(small().planner(), segment=5.0).voyage(small().start))
+    coarse, fine = (
+        small().planner().voyage(small().start),
+        replace(small().planner(), segment=5.0).voyage(small().start),
+    )
     assert coarse.plan.score < fine.plan.score
     other = replace(small().planner(), search_seed=2, constraints=Constraints())
     assert other.voyage(small().start).plan.score == pytest.approx(coarse.plan.score, rel=0.02)

@@ -8,13 +8,19 @@ from scipy.integrate import solve_ivp
 
 def recurrence(x, y, heading, *, gamma, min_radius, speed, dt, steps):
     """Distances at every step: each turn, clipped to the side of b, is held for dt on an exact arc."""
-    s, b = math.cos(heading) * x + math.sin(heading) * y, math.sin(heading) * x - math.cos(heading) * y
+    s, b = (
+        math.cos(heading) * x + math.sin(heading) * y,
+        math.sin(heading) * x - math.cos(heading) * y,
+    )
     distances = [math.hypot(s, b)]
     for _ in range(steps):
         r = max(abs(b) - gamma / (2 + 2 * gamma), min_radius)
         r = r if b >= 0 else -r
         angle, t = speed * dt / r, b - r
-        s, b = s * math.cos(angle) - t * math.sin(angle), r + s * math.sin(angle) + t * math.cos(angle)
+        s, b = (
+            s * math.cos(angle) - t * math.sin(angle),
+            r + s * math.sin(angle) + t * math.cos(angle),
+        )
         distances.append(math.hypot(s, b))
     return np.array(distances)
 
@@ -32,6 +38,8 @@ def turned(x, y, heading, *, gamma, min_radius, speed):
         return state[0] * math.cos(state[2]) + state[1] * math.sin(state[2])
 
     away.terminal, away.direction = True, -1
-    flown = solve_ivp(rate, (0, 1e5), [x, y, heading], method="DOP853", rtol=1e-10, atol=1e-10, events=away)
+    flown = solve_ivp(
+        rate, (0, 1e5), [x, y, heading], method="DOP853", rtol=1e-10, atol=1e-10, events=away
+    )
     px, py, _ = flown.y_events[0][0]
     return float(flown.t_events[0][0]), math.hypot(px, py)

@@ -47,9 +47,14 @@ def empirical_gramian(
     """
     steps = np.broadcast_to(np.asarray(epsilon, dtype=float), x0.shape)
     if not np.all(steps > 0):
-        raise ValueError(f"epsilon must be positive, got {epsilon}; about 1e-5 of the scale of the state is a good choice")
+        raise ValueError(
+            f"epsilon must be positive, got {epsilon}; about 1e-5 of the scale of the state is a good choice"
+        )
     displacements = np.diag(steps)
-    differences = [(_outputs(simulate, x0 + d) - _outputs(simulate, x0 - d)) / (2 * e) for d, e in zip(displacements, steps, strict=True)]
+    differences = [
+        (_outputs(simulate, x0 + d) - _outputs(simulate, x0 - d)) / (2 * e)
+        for d, e in zip(displacements, steps, strict=True)
+    ]
     J = np.stack(differences, axis=-1)
     samples, outputs, n = J.shape[-3:]
     weights = np.sqrt(quadrature_weights(samples, horizon, rule))[:, None, None]
@@ -61,5 +66,7 @@ def _outputs(simulate: Callable[[Any], Any], x0: np.ndarray) -> np.ndarray:
     """Simulate once, and take the outputs out of CasADi if need be."""
     y = np.asarray(simulate(x0), dtype=float)
     if y.ndim < 2:
-        raise ValueError(f"simulate must return outputs of shape (samples, outputs), got {y.shape}; one output is a column y[:, None]")
+        raise ValueError(
+            f"simulate must return outputs of shape (samples, outputs), got {y.shape}; one output is a column y[:, None]"
+        )
     return y

@@ -60,16 +60,24 @@ def exact_gramian(
     """
     rule = rule or ("sum" if discrete else "simpson")
     if min(n, steps, substeps) < 1 or min(m, q) < 0:
-        raise ValueError(f"n, steps and substeps must be at least 1, m and q at least 0, got {n}, {steps}, {substeps}, {m}, {q}")
+        raise ValueError(
+            f"n, steps and substeps must be at least 1, m and q at least 0, got {n}, {steps}, {substeps}, {m}, {q}"
+        )
     if discrete and substeps != 1:
-        raise ValueError(f"a discrete map takes one step per sample, got substeps={substeps}; leave substeps out")
+        raise ValueError(
+            f"a discrete map takes one step per sample, got substeps={substeps}; leave substeps out"
+        )
     function = _horizon(*_stage(f, h, n, m, q, discrete, substeps), steps, rule)
     again = partial(exact_gramian, f, h, n=n, m=m, q=q, rule=rule, substeps=substeps)
     refinable = not discrete and rule != "sum"
-    return ExactGramian(function=function, refine=(lambda steps: again(steps=steps)) if refinable else None)
+    return ExactGramian(
+        function=function, refine=(lambda steps: again(steps=steps)) if refinable else None
+    )
 
 
-def _stage(f: Model, h: Model, n: int, m: int, q: int, discrete: bool, substeps: int) -> tuple[ca.Function, ca.Function]:
+def _stage(
+    f: Model, h: Model, n: int, m: int, q: int, discrete: bool, substeps: int
+) -> tuple[ca.Function, ca.Function]:
     """Build one step of state and sensitivities, and one sample's rows of the factor (transposed, so that samples stack as columns)."""
     t, dt, weight = ca.MX.sym("t"), ca.MX.sym("dt"), ca.MX.sym("weight")
     x, u, p, Phi = ca.MX.sym("x", n), ca.MX.sym("u", m), ca.MX.sym("p", q), ca.MX.sym("Phi", n, n)
@@ -80,7 +88,9 @@ def _stage(f: Model, h: Model, n: int, m: int, q: int, discrete: bool, substeps:
     whitening = ca.MX.sym("whitening", y.numel(), y.numel())
     rows = ca.densify((weight * whitening @ ca.jtimes(y, x, Phi)).T)
     sample = _straightened(ca.Function("sample", [t, x, Phi, u, p, weight, whitening], [rows]))
-    step = _straightened(ca.Function("step", [x, Phi, t, u, p, dt], [x_next, ca.densify(ca.jtimes(x_next, x, Phi))]))
+    step = _straightened(
+        ca.Function("step", [x, Phi, t, u, p, dt], [x_next, ca.densify(ca.jtimes(x_next, x, Phi))])
+    )
     return step, sample
 
 
@@ -99,7 +109,9 @@ def _column(name: str, value: Any, rows: int | None = None) -> ca.MX:
     value = ca.densify(ca.MX(value))
     if value.shape[1] != 1 or value.shape[0] != (rows or value.shape[0]):
         wanted = f"{rows} x 1, one row per state" if rows else "a column, one row per output"
-        raise ValueError(f"{name} must return {wanted}, got {value.shape[0]} x {value.shape[1]}; use ca.vertcat")
+        raise ValueError(
+            f"{name} must return {wanted}, got {value.shape[0]} x {value.shape[1]}; use ca.vertcat"
+        )
     return value
 
 
@@ -115,16 +127,29 @@ def _horizon(step: ca.Function, sample: ca.Function, steps: int, rule: str) -> c
     """Chain the steps: (x0, u, p, t0, horizon, whitening) -> (W, factor)."""
     n, m, q, outputs = step.size1_in(0), step.size1_in(3), step.size1_in(4), sample.size1_in(6)
     x0, u, p = ca.MX.sym("x0", n), ca.MX.sym("u", m, steps), ca.MX.sym("p", q)
-    t0, horizon, whitening = ca.MX.sym("t0"), ca.MX.sym("horizon"), ca.MX.sym("whitening", outputs, outputs)
+    t0, horizon, whitening = (
+        ca.MX.sym("t0"),
+        ca.MX.sym("horizon"),
+        ca.MX.sym("whitening", outputs, outputs),
+    )
     dt = horizon / steps
     t = t0 + dt * ca.DM(range(steps + 1)).T
     unit_weights = np.sqrt(quadrature_weights(steps + 1, float(steps), rule))
     weights = ca.DM(unit_weights).T * (1 if rule == "sum" else ca.sqrt(dt))
-    X, Phi = step.mapaccum("steps", steps, 2)(x0, ca.DM.eye(n), t[:-1], u, ca.repmat(p, 1, steps), ca.repmat(dt, 1, steps))
+    X, Phi = step.mapaccum("steps", steps, 2)(
+        x0, ca.DM.eye(n), t[:-1], u, ca.repmat(p, 1, steps), ca.repmat(dt, 1, steps)
+    )
     X, Phi, U = ca.horzcat(x0, X), ca.horzcat(ca.DM.eye(n), Phi), ca.horzcat(u, u[:, -1])
-    columns = sample.map(steps + 1)(t, X, Phi, U, ca.repmat(p, 1, steps + 1), weights, ca.repmat(whitening, 1, steps + 1))
+    columns = sample.map(steps + 1)(
+        t, X, Phi, U, ca.repmat(p, 1, steps + 1), weights, ca.repmat(whitening, 1, steps + 1)
+    )
     names = ["x0", "u", "p", "t0", "horizon", "whitening"], ["W", "factor"]
-    function = ca.Function("exact_gramian", [x0, u, p, t0, horizon, whitening], [columns @ columns.T, columns.T], *names)
+    function = ca.Function(
+        "exact_gramian",
+        [x0, u, p, t0, horizon, whitening],
+        [columns @ columns.T, columns.T],
+        *names,
+    )
     small = steps * (step.n_instructions() + sample.n_instructions()) <= UNROLLED_INSTRUCTIONS
     return _straightened(function) if small else function
 
@@ -168,7 +193,10 @@ class ExactGramian:
         return self._evaluate("W", x0, u, horizon=horizon, p=p, t0=t0, R=R)
 
     def factor(
-        self, x0: Float[np.ndarray, "... n"], u: Float[np.ndarray, "... m"] | None = None, **conditions: Any
+        self,
+        x0: Float[np.ndarray, "... n"],
+        u: Float[np.ndarray, "... m"] | None = None,
+        **conditions: Any,
     ) -> Float[np.ndarray, "... rows n"]:
         """Evaluate the factor F of W = F'F: rows sqrt(weight)·R^(-1/2)·dy/dx0, sample by sample. Arguments as in a call.
 
@@ -178,7 +206,12 @@ class ExactGramian:
         return self._evaluate("factor", x0, u, **conditions)
 
     def converged(
-        self, x0: Float[np.ndarray, "... n"], u: Float[np.ndarray, "... m"] | None = None, *, rtol: float, **conditions: Any
+        self,
+        x0: Float[np.ndarray, "... n"],
+        u: Float[np.ndarray, "... m"] | None = None,
+        *,
+        rtol: float,
+        **conditions: Any,
     ) -> "ExactGramian":
         """Compile the Gramian with so many steps that half of them give the same W to ``rtol``, whatever the units of the states.
 
@@ -187,7 +220,9 @@ class ExactGramian:
         Raises ValueError if the rule is ``sum`` or the dynamics discrete, or if 12 doublings do not suffice.
         """
         if self.refine is None:
-            raise ValueError("a sum over samples and discrete dynamics have no step to refine; use an integral rule of continuous dynamics")
+            raise ValueError(
+                "a sum over samples and discrete dynamics have no step to refine; use an integral rule of continuous dynamics"
+            )
         coarse, W = self, self(x0, u, **conditions)
         for _ in range(MOST_DOUBLINGS):
             fine = self.refine(2 * coarse.steps)
@@ -197,7 +232,9 @@ class ExactGramian:
             if np.all(np.abs(W_fine - W) <= rtol * diagonal[..., :, None] * diagonal[..., None, :]):
                 return fine
             coarse, W = fine, W_fine
-        raise ValueError(f"W did not converge to {rtol} within {coarse.steps} steps; loosen rtol, shorten the horizon, or check f and h")
+        raise ValueError(
+            f"W did not converge to {rtol} within {coarse.steps} steps; loosen rtol, shorten the horizon, or check f and h"
+        )
 
     def _evaluate(
         self,
@@ -213,20 +250,35 @@ class ExactGramian:
         """Evaluate one output of the Function for all cases at once, through one buffer."""
         if not (horizon > 0 and math.isfinite(horizon)):
             raise ValueError(f"horizon must be positive and finite [s], got {horizon}")
-        n, steps, m, q = (self.function.size1_in(0), self.steps, self.function.size1_in(1), self.function.size1_in(2))
+        n, steps, m, q = (
+            self.function.size1_in(0),
+            self.steps,
+            self.function.size1_in(1),
+            self.function.size1_in(2),
+        )
         u = _given(u, "controls u", (1, m))
         p = _given(p, "parameters p", (q,))
         batch = np.broadcast_shapes(x0.shape[:-1], u.shape[:-2], p.shape[:-1])
-        cases = [_cases("x0", x0, batch, (n,)), _cases("u", u, batch, (steps, m)), _cases("p", p, batch, (q,))]
+        cases = [
+            _cases("x0", x0, batch, (n,)),
+            _cases("u", u, batch, (steps, m)),
+            _cases("p", p, batch, (q,)),
+        ]
         count = math.prod(batch)
         whitening = whitening_matrix(R, self.function.size1_in(5))
-        shared = [np.full(count, float(t0)), np.full(count, float(horizon)), np.tile(whitening.T.ravel(), count)]
+        shared = [
+            np.full(count, float(t0)),
+            np.full(count, float(horizon)),
+            np.tile(whitening.T.ravel(), count),
+        ]
         rows = self.function.size1_out(output)
         result = np.empty((count, n, rows))  # CasADi stores columns: each case comes out transposed
         if count:
             _run(self.function, count, [*cases, *shared], self.function.index_out(output), result)
         # The inputs are asked as well: an entry that does not depend on them would stay finite.
-        finite = np.isfinite(t0) & np.logical_and.reduce([np.isfinite(a).all(axis=1) for a in (*cases, result.reshape(count, n * rows))])
+        finite = np.isfinite(t0) & np.logical_and.reduce(
+            [np.isfinite(a).all(axis=1) for a in (*cases, result.reshape(count, n * rows))]
+        )
         result[~finite] = np.nan
         return np.swapaxes(result, -1, -2).reshape(*batch, rows, n)
 
@@ -236,16 +288,24 @@ def _given(value: np.ndarray | None, name: str, shape: tuple[int, ...]) -> np.nd
     if value is not None:
         return value
     if shape[-1]:
-        raise ValueError(f"the model takes {shape[-1]} {name}, got none; give an array of (..., {', '.join(map(str, shape))})")
+        raise ValueError(
+            f"the model takes {shape[-1]} {name}, got none; give an array of (..., {', '.join(map(str, shape))})"
+        )
     return np.empty(shape)
 
 
-def _cases(name: str, value: np.ndarray, batch: tuple[int, ...], core: tuple[int, ...]) -> np.ndarray:
+def _cases(
+    name: str, value: np.ndarray, batch: tuple[int, ...], core: tuple[int, ...]
+) -> np.ndarray:
     """Return contiguous rows, one per case of the batch, or raise ValueError."""
     if value.shape[-1] != core[-1]:
-        raise ValueError(f"{name} must have shape (..., {', '.join(map(str, core))}), got {value.shape}")
+        raise ValueError(
+            f"{name} must have shape (..., {', '.join(map(str, core))}), got {value.shape}"
+        )
     try:
-        return np.ascontiguousarray(np.broadcast_to(value, batch + core), dtype=float).reshape(math.prod(batch), math.prod(core))
+        return np.ascontiguousarray(np.broadcast_to(value, batch + core), dtype=float).reshape(
+            math.prod(batch), math.prod(core)
+        )
     except ValueError:
         raise ValueError(f"{name} must broadcast to {batch + core}, got {value.shape}") from None
 
@@ -256,7 +316,9 @@ def _mapped(function: ca.Function, count: int) -> ca.Function:
     return function if count == 1 else function.map(count)
 
 
-def _run(function: ca.Function, count: int, arguments: list[np.ndarray], index: int, result: np.ndarray) -> None:
+def _run(
+    function: ca.Function, count: int, arguments: list[np.ndarray], index: int, result: np.ndarray
+) -> None:
     """Evaluate all cases into ``result``. The buffer belongs to this call alone, so threads may share the function."""
     buffer, evaluate = _mapped(function, count).buffer()
     for i, argument in enumerate(arguments):

@@ -19,7 +19,9 @@ def quadrature_weights(samples: int, horizon: float, rule: str) -> Float[np.ndar
     if least is None:
         raise ValueError(f"rule must be one of {', '.join(RULES)}, got {rule!r}")
     if samples < least:
-        raise ValueError(f"rule {rule!r} needs at least {least} samples, got {samples}; take more steps or another rule")
+        raise ValueError(
+            f"rule {rule!r} needs at least {least} samples, got {samples}; take more steps or another rule"
+        )
     if not (horizon > 0 and math.isfinite(horizon)):
         raise ValueError(f"horizon must be positive and finite [s], got {horizon}")
     weights = np.ones(samples)
@@ -53,10 +55,14 @@ def whitening_matrix(R: Float[np.ndarray, "y y"] | None, outputs: int) -> Float[
     if R is None:
         return np.eye(outputs)
     if R.shape != (outputs, outputs):
-        raise ValueError(f"R must be {outputs} x {outputs}, one row per output, got shape {R.shape}")
+        raise ValueError(
+            f"R must be {outputs} x {outputs}, one row per output, got shape {R.shape}"
+        )
     if not (np.isfinite(R).all() and np.allclose(R, R.T, rtol=1e-12, atol=0)):
         raise ValueError(f"R must be finite and symmetric, got {R.tolist()}; a covariance is")
     try:
         return np.linalg.inv(np.linalg.cholesky(R))
     except np.linalg.LinAlgError:
-        raise ValueError(f"R must be positive definite, got {R.tolist()}; leave out an output rather than give it no noise") from None
+        raise ValueError(
+            f"R must be positive definite, got {R.tolist()}; leave out an output rather than give it no noise"
+        ) from None

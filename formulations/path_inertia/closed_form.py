@@ -38,7 +38,9 @@ def radius_threshold(gamma: Scalar) -> Scalar:
     return gamma / (2 * (1 + gamma))
 
 
-def path_inertia_radius(mean_offset: Scalar, gamma: Scalar, min_radius: Scalar) -> tuple[Scalar, Scalar]:
+def path_inertia_radius(
+    mean_offset: Scalar, gamma: Scalar, min_radius: Scalar
+) -> tuple[Scalar, Scalar]:
     r"""Return the radius of least inertia difference, and whether the turning limit had to be applied.
 
     .. math:: r^* = \mathrm{sign}(\bar b)\,\max(|\bar b| - \tau,\ r_{\min}), \quad \tau = \frac{\gamma}{2(1 + \gamma)}
@@ -53,7 +55,9 @@ def path_inertia_radius(mean_offset: Scalar, gamma: Scalar, min_radius: Scalar) 
     return side * (free * (1 - clipped) + min_radius * clipped), clipped
 
 
-def path_inertia_curvature(mean_offset: Scalar, mean_square_distance: Scalar, min_radius: Scalar) -> tuple[Scalar, Scalar]:
+def path_inertia_curvature(
+    mean_offset: Scalar, mean_square_distance: Scalar, min_radius: Scalar
+) -> tuple[Scalar, Scalar]:
     r"""Return the curvature of least mean condition number [1/m], and whether the turning limit had to be applied.
 
     .. math:: k^* = \frac{\sum w b}{\sum w d^2}, \quad |k| \le 1 / r_{\min}
@@ -61,7 +65,9 @@ def path_inertia_curvature(mean_offset: Scalar, mean_square_distance: Scalar, mi
     The exact minimiser of Σ w κ(J) = 1 + 2 Σ w (d²k² − 2bk + 1), a convex quadratic, over a convex set: straight ahead (k = 0) is
     included and no rounding rule is needed. On top of every AUV (d = 0) each turn is as good as any other: straight on.
     """
-    free = mean_offset / (mean_square_distance + (mean_square_distance == 0))  # 0 / 1 on top: the offset vanishes with the distance
+    free = mean_offset / (
+        mean_square_distance + (mean_square_distance == 0)
+    )  # 0 / 1 on top: the offset vanishes with the distance
     clipped = abs(free) * min_radius > 1
     side = (mean_offset >= 0) * 2 - 1
     return free * (1 - clipped) + side * clipped / min_radius, clipped
@@ -72,7 +78,9 @@ def inertia_condition_number(radius: Scalar, offset: Scalar, along: Scalar) -> S
     return 1 + 2 * (along**2 + (radius - offset) ** 2) / radius**2
 
 
-def curvature_condition_number(curvature: Scalar, offset: Scalar, square_distance: Scalar) -> Scalar:
+def curvature_condition_number(
+    curvature: Scalar, offset: Scalar, square_distance: Scalar
+) -> Scalar:
     r"""Return κ(J) = 1 + 2(d²k² − 2bk + 1), the same as a function of the curvature: 3 straight ahead, where a radius is infinite."""
     return 1 + 2 * (square_distance * curvature**2 - 2 * offset * curvature + 1)
 

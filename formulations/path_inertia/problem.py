@@ -54,7 +54,9 @@ class PathInertiaProblem:
     gamma: float = 0.0
     change_weight: float = 0.0
     max_radius: float = math.inf  # [m]
-    max_center_distance: float | Sequence[float] = math.inf  # [m], for all AUVs or for each in their order
+    max_center_distance: float | Sequence[float] = (
+        math.inf
+    )  # [m], for all AUVs or for each in their order
     objective: Objective = "difference"
     solver: Solver = "closed-form"
     tolerance: float = 1e-6  # of the turn, relative to the largest of limit, offset and threshold; certified or Status.INACCURATE
@@ -66,16 +68,28 @@ class PathInertiaProblem:
                 raise ValueError(f"{name} must be positive{unit}, got {getattr(self, name)}")
         for name in ("gamma", "change_weight"):
             if not 0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"{name} must be zero or positive and finite, got {getattr(self, name)}")
+                raise ValueError(
+                    f"{name} must be zero or positive and finite, got {getattr(self, name)}"
+                )
         if self.max_radius < self.min_radius:
-            raise ValueError(f"max_radius {self.max_radius} m is below min_radius {self.min_radius} m: no turn is left, raise it")
+            raise ValueError(
+                f"max_radius {self.max_radius} m is below min_radius {self.min_radius} m: no turn is left, raise it"
+            )
         if not np.all(np.asarray(self.max_center_distance) > 0):
-            raise ValueError(f"max_center_distance must be positive [m], got {self.max_center_distance}")
+            raise ValueError(
+                f"max_center_distance must be positive [m], got {self.max_center_distance}"
+            )
         if self.objective not in ("difference", "condition-number"):
-            raise ValueError(f"objective must be 'difference' or 'condition-number', got {self.objective!r}")
+            raise ValueError(
+                f"objective must be 'difference' or 'condition-number', got {self.objective!r}"
+            )
         if self.solver not in SOLVERS:
             raise ValueError(f"solver must be one of {', '.join(SOLVERS)}, got {self.solver!r}")
-        object.__setattr__(self, "compiled", SOLVERS[self.solver](self.objective == "difference" and self.gamma > 0))
+        object.__setattr__(
+            self,
+            "compiled",
+            SOLVERS[self.solver](self.objective == "difference" and self.gamma > 0),
+        )
 
     def solve(
         self,
@@ -92,7 +106,9 @@ class PathInertiaProblem:
         Raises ValueError for negative weights, a last radius of zero, and limits or weights that are not one per AUV.
         """
         if last_radius == 0:
-            raise ValueError("last_radius must not be zero: no vehicle turned so; leave it out before the first decision")
+            raise ValueError(
+                "last_radius must not be zero: no vehicle turned so; leave it out before the first decision"
+            )
         n = len(positions)
         shares = _equal_shares(n) if weights is None else _normalise(weights, n)
         if shares is None:
@@ -101,8 +117,12 @@ class PathInertiaProblem:
         if not math.isfinite(heading + total):  # a sum of squares: what is not finite stays
             return Solution.missing(Status.INVALID_INPUT)
         center = (shares @ positions).tolist()
-        square_distance = total / n if weights is None else float(np.vdot(shares[:, None] * positions, positions))
-        offset = lateral_offset(center[0], center[1], heading)  # linear: the offset of the mean is the mean offset
+        square_distance = (
+            total / n if weights is None else float(np.vdot(shares[:, None] * positions, positions))
+        )
+        offset = lateral_offset(
+            center[0], center[1], heading
+        )  # linear: the offset of the mean is the mean offset
         if self.objective == "difference":
             criterion = self._inertia_difference(offset, square_distance, last_radius)
         else:
@@ -112,7 +132,9 @@ class PathInertiaProblem:
         sides = self._turns(positions, heading)
         return self._decide(criterion, sides) if sides else Solution.missing(Status.INFEASIBLE)
 
-    def _inertia_difference(self, offset: float, square_distance: float, last_radius: float | None) -> Criterion:
+    def _inertia_difference(
+        self, offset: float, square_distance: float, last_radius: float | None
+    ) -> Criterion:
         if last_radius is None or math.isinf(last_radius):
             rho, last = 0.0, 0.0
         else:
@@ -122,10 +144,14 @@ class PathInertiaProblem:
         constant = self.gamma * square_distance + rho * last**2 - half_curve * center**2
         return Criterion(center, self.gamma / (2 * half_curve), 2 * half_curve, constant)
 
-    def _condition_number(self, offset: float, square_distance: float, last_radius: float | None) -> Criterion:
+    def _condition_number(
+        self, offset: float, square_distance: float, last_radius: float | None
+    ) -> Criterion:
         rho, last = (0.0, 0.0) if last_radius is None else (self.change_weight, 1 / last_radius)
         half_curve = 2 * square_distance + rho
-        center = (2 * offset + rho * last) / half_curve if half_curve else 0.0  # on top of every AUV: straight on
+        center = (
+            (2 * offset + rho * last) / half_curve if half_curve else 0.0
+        )  # on top of every AUV: straight on
         return Criterion(center, 0.0, 2 * half_curve, 3 + rho * last**2 - half_curve * center**2)
 
     def _turns(self, positions: Float[np.ndarray, "auvs 2"], heading: float) -> list[Side]:
@@ -135,20 +161,27 @@ class PathInertiaProblem:
         if not (isinstance(limit, float) and math.isinf(limit)):
             limits = np.asarray(limit, dtype=float)
             if limits.ndim and len(limits) != len(positions):
-                raise ValueError(f"max_center_distance has {len(limits)} values for {len(positions)} AUVs: give one each, or one for all")
+                raise ValueError(
+                    f"max_center_distance has {len(limits)} values for {len(positions)} AUVs: give one each, or one for all"
+                )
             along = longitudinal_offset(positions[:, 0], positions[:, 1], heading)
             offset = lateral_offset(positions[:, 0], positions[:, 1], heading)
             room = limits**2 - along**2
             if (room < 0).any():
                 return []
             reach = np.sqrt(room)
-            lower, upper = max(lower, float((offset - reach).max())), min(upper, float((offset + reach).min()))
+            lower, upper = (
+                max(lower, float((offset - reach).max())),
+                min(upper, float((offset + reach).min())),
+            )
         sides = radius_sides(lower, upper, self.min_radius)
         return sides if self.objective == "difference" else curvature_sides(sides)
 
     def _decide(self, criterion: Criterion, sides: list[Side]) -> Solution:
         """Solve over the interval that spans both sides, then clip to one of them."""
-        hull = TurnProgram(criterion.center, criterion.threshold, sides[0][0], sides[-1][1]).bounded()
+        hull = TurnProgram(
+            criterion.center, criterion.threshold, sides[0][0], sides[-1][1]
+        ).bounded()
         point = self.compiled(hull)
         failed = not math.isfinite(point.x)
         if failed:
@@ -159,12 +192,29 @@ class PathInertiaProblem:
         pressed = abs(x - end) <= reach and side.presses(end)
         if pressed:
             x = end
-        program, point = (side, side.with_multipliers(x)) if pressed or abs(x - point.x) > reach else (hull, point)
+        program, point = (
+            (side, side.with_multipliers(x))
+            if pressed or abs(x - point.x) > reach
+            else (hull, point)
+        )
         primal, dual, gap = program.certify(point)
-        clipped = pressed and abs(x) == (self.min_radius if self.objective == "difference" else 1 / self.min_radius)
+        clipped = pressed and abs(x) == (
+            self.min_radius if self.objective == "difference" else 1 / self.min_radius
+        )
         accurate = max(primal, dual, math.sqrt(2 * gap)) <= reach
-        status = Status.SOLVER_FAILED if failed else Status.INACCURATE if not accurate else Status.CLIPPED if clipped else Status.OPTIMAL
-        value = criterion.scale * (0.5 * (x - criterion.center) ** 2 + criterion.threshold * abs(x)) + criterion.constant
+        status = (
+            Status.SOLVER_FAILED
+            if failed
+            else Status.INACCURATE
+            if not accurate
+            else Status.CLIPPED
+            if clipped
+            else Status.OPTIMAL
+        )
+        value = (
+            criterion.scale * (0.5 * (x - criterion.center) ** 2 + criterion.threshold * abs(x))
+            + criterion.constant
+        )
         return Solution(
             x=np.array([x]),
             objective=value,
@@ -180,7 +230,9 @@ def _equal_shares(n: int) -> Float[np.ndarray, " weights"] | None:
     return np.full(n, 1 / n) if n else None
 
 
-def _normalise(weights: Float[np.ndarray, " weights"], n: int) -> Float[np.ndarray, " weights"] | None:
+def _normalise(
+    weights: Float[np.ndarray, " weights"], n: int
+) -> Float[np.ndarray, " weights"] | None:
     """Return weights that sum to one (all nan if one of them is not finite), or nothing if no AUV counts."""
     if len(weights) != n:
         raise ValueError(f"there are {len(weights)} weights for {n} AUVs: give one for each")

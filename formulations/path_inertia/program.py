@@ -48,12 +48,21 @@ class TurnProgram(NamedTuple):
     @property
     def reach(self) -> float:
         """Distance from the centre that the optimum cannot exceed."""
-        return max(self.threshold, self.lower - self.center, self.center - self.upper) or abs(self.center) or 1.0
+        return (
+            max(self.threshold, self.lower - self.center, self.center - self.upper)
+            or abs(self.center)
+            or 1.0
+        )
 
     def bounded(self) -> "TurnProgram":
         """Return the same program with limits cut at twice the reach, which no optimum touches."""
         room = 2 * self.reach
-        return TurnProgram(self.center, self.threshold, max(self.lower, self.center - room), min(self.upper, self.center + room))
+        return TurnProgram(
+            self.center,
+            self.threshold,
+            max(self.lower, self.center - room),
+            min(self.upper, self.center + room),
+        )
 
     def optimum(self) -> Point:
         """Solve by hand: shrink the centre by the threshold, then keep to the limits."""
@@ -63,9 +72,18 @@ class TurnProgram(NamedTuple):
     def with_multipliers(self, x: float) -> Point:
         """Recover the multipliers at x: the subgradient of |x|, and what remains where a limit is touched."""
         pull = self.center - x
-        sign = math.copysign(self.threshold, x) if x else min(max(pull, -self.threshold), self.threshold)
+        sign = (
+            math.copysign(self.threshold, x)
+            if x
+            else min(max(pull, -self.threshold), self.threshold)
+        )
         rest = pull - sign
-        return Point(x, sign, max(-rest, 0.0) if x == self.lower else 0.0, max(rest, 0.0) if x == self.upper else 0.0)
+        return Point(
+            x,
+            sign,
+            max(-rest, 0.0) if x == self.lower else 0.0,
+            max(rest, 0.0) if x == self.upper else 0.0,
+        )
 
     def certify(self, point: Point) -> Certificate:
         """Return the residuals of a point; its multipliers are first made feasible, so that the gap bounds the error."""
@@ -126,8 +144,12 @@ class Deviation(NamedTuple):
     def point(self, y: float, sign: float, lower: float, upper: float) -> Point:
         """Return a solution and its multipliers as the turn program has them."""
         if self.center < 0:
-            return Point(self.center - self.unit * y, -self.unit * sign, self.unit * upper, self.unit * lower)
-        return Point(self.center + self.unit * y, self.unit * sign, self.unit * lower, self.unit * upper)
+            return Point(
+                self.center - self.unit * y, -self.unit * sign, self.unit * upper, self.unit * lower
+            )
+        return Point(
+            self.center + self.unit * y, self.unit * sign, self.unit * lower, self.unit * upper
+        )
 
 
 def radius_sides(lower: float, upper: float, min_radius: float) -> list[Side]:

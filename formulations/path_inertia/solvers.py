@@ -51,7 +51,9 @@ class PersistentOSQP:
     def __call__(self, program: TurnProgram) -> Point:
         """Solve one bounded program."""
         deviation = Deviation.of(program)
-        if deviation[:4] != self._given:  # far from every limit all decisions are the same program, up to scale
+        if (
+            deviation[:4] != self._given
+        ):  # far from every limit all decisions are the same program, up to scale
             self._update(deviation)
         result = self._solver.solve(raise_error=False)
         dual = result.y.tolist()
@@ -79,7 +81,9 @@ class PersistentClarabel:
         settings.presolve_enable = False  # it would refuse updates
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = CLARABEL_TOLERANCE
         cones = [clarabel.ZeroConeT(1), clarabel.NonnegativeConeT(len(self._b) - 1)]
-        self._solver = clarabel.DefaultSolver(sparse(P), self._q, sparse(one_sided), self._b, cones, settings)
+        self._solver = clarabel.DefaultSolver(
+            sparse(P), self._q, sparse(one_sided), self._b, cones, settings
+        )
         self._absolute = absolute
 
     def __call__(self, program: TurnProgram) -> Point:
@@ -104,15 +108,25 @@ class CompiledCvxpy:
         cp = self._cvxpy = import_module("cvxpy")
         u, y, t = (cp.Variable(name=name) for name in "uyt")
         self._lower, self._upper = cp.Parameter(name="lower"), cp.Parameter(name="upper")
-        self._threshold, self._fold = cp.Parameter(name="threshold", nonneg=True), cp.Parameter(name="fold", nonneg=True)
+        self._threshold, self._fold = (
+            cp.Parameter(name="threshold", nonneg=True),
+            cp.Parameter(name="fold", nonneg=True),
+        )
         limits = [self._lower <= u, u <= self._upper, u == y]
         size = [u <= t, -u - self._fold <= t] if absolute else []
-        self.problem = cp.Problem(cp.Minimize(0.5 * cp.square(y) + (self._threshold * t if absolute else 0.0)), limits + size)
+        self.problem = cp.Problem(
+            cp.Minimize(0.5 * cp.square(y) + (self._threshold * t if absolute else 0.0)),
+            limits + size,
+        )
         if not self.problem.is_dcp(dpp=True):
-            raise RuntimeError("the path-inertia program is not DPP in this version of cvxpy: it would be rebuilt at every decision")
+            raise RuntimeError(
+                "the path-inertia program is not DPP in this version of cvxpy: it would be rebuilt at every decision"
+            )
         # cvxpy puts its own defaults over OSQP's, and keeps a warm solver that is not polished again
         exact = {f"tol_{name}": CLARABEL_TOLERANCE for name in ("gap_abs", "gap_rel", "feas")}
-        self._options = {"solver": solver, "warm_start": False} | (OSQP_SETTINGS if solver == "OSQP" else exact)
+        self._options = {"solver": solver, "warm_start": False} | (
+            OSQP_SETTINGS if solver == "OSQP" else exact
+        )
         self._turn, self._absolute = u, absolute
 
     def __call__(self, program: TurnProgram) -> Point:
@@ -128,8 +142,12 @@ class CompiledCvxpy:
             return FAILED
         if self._turn.value is None:
             return FAILED
-        lower, upper, _, *size = (float(constraint.dual_value) for constraint in self.problem.constraints)
-        return deviation.point(float(self._turn.value), size[0] - size[1] if self._absolute else 0.0, lower, upper)
+        lower, upper, _, *size = (
+            float(constraint.dual_value) for constraint in self.problem.constraints
+        )
+        return deviation.point(
+            float(self._turn.value), size[0] - size[1] if self._absolute else 0.0, lower, upper
+        )
 
 
 SOLVERS: dict[str, Callable[[bool], Compiled]] = {
@@ -141,7 +159,9 @@ SOLVERS: dict[str, Callable[[bool], Compiled]] = {
 }
 
 
-def _matrices(absolute: bool) -> tuple[Float[np.ndarray, "n n"], Float[np.ndarray, " n"], Float[np.ndarray, "rows n"]]:
+def _matrices(
+    absolute: bool,
+) -> tuple[Float[np.ndarray, "n n"], Float[np.ndarray, " n"], Float[np.ndarray, "rows n"]]:
     """Return P, q and the rows of the quadratic program; the last row but one is the box, the last the equality."""
     P = np.diag([0.0, 1.0, 0.0])
     A = np.array([[1.0, 0.0, -1.0], [-1.0, 0.0, -1.0], [1.0, 0.0, 0.0], [1.0, -1.0, 0.0]])

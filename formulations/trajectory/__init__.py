@@ -5,4 +5,13 @@ from .ladder import Limits, Outcome, optimise
 from .program import Controls
 from .task import OBJECTIVES, Task
 
-__all__ = ["OBJECTIVES", "Areas", "Controls", "Limits", "Outcome", "Task", "convex_areas", "optimise"]
+__all__ = [
+    "OBJECTIVES",
+    "Areas",
+    "Controls",
+    "Limits",
+    "Outcome",
+    "Task",
+    "convex_areas",
+    "optimise",
+]

@@ -35,7 +35,11 @@ def convex_areas(
     """Take discs, corners of keep-out polygons and corners of a geofence, convex or not, to convex areas."""
     if geofence is None:
         return Areas(discs, tuple(hull_lines(points) for points in polygons), np.empty((0, 3)))
-    return Areas(discs, tuple(hull_lines(points) for points in (*polygons, *_pockets(geofence))), hull_lines(geofence))
+    return Areas(
+        discs,
+        tuple(hull_lines(points) for points in (*polygons, *_pockets(geofence))),
+        hull_lines(geofence),
+    )
 
 
 def hull_lines(points: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "J 3"]:
@@ -50,7 +54,11 @@ def _pockets(corners: Float[np.ndarray, "n 2"]) -> list[Float[np.ndarray, "_ 2"]
     depth = np.min(lines[:, 2] - corners @ lines[:, :2].T, axis=1)
     on_hull = np.flatnonzero(depth < FLAT * np.ptp(corners, axis=0).max())
     ends = np.append(on_hull[1:], on_hull[0] + len(corners))
-    return [corners[np.arange(a, b + 1) % len(corners)] for a, b in zip(on_hull, ends, strict=True) if b - a > 1]
+    return [
+        corners[np.arange(a, b + 1) % len(corners)]
+        for a, b in zip(on_hull, ends, strict=True)
+        if b - a > 1
+    ]
 
 
 def in_frame(areas: Areas, origin: Float[np.ndarray, "2"], heading: float, length: float) -> Areas:
@@ -59,7 +67,9 @@ def in_frame(areas: Areas, origin: Float[np.ndarray, "2"], heading: float, lengt
     turn = np.array([[c, -s], [s, c]])  # a row vector times this is turned by minus the heading
 
     def moved(lines: np.ndarray) -> np.ndarray:
-        return np.column_stack([lines[:, :2] @ turn, (lines[:, 2] - lines[:, :2] @ origin) / length])
+        return np.column_stack(
+            [lines[:, :2] @ turn, (lines[:, 2] - lines[:, :2] @ origin) / length]
+        )
 
     discs = np.column_stack([(areas.discs[:, :2] - origin) @ turn, areas.discs[:, 2]]) / [length]
     return Areas(discs, tuple(moved(lines) for lines in areas.keep_outs), moved(areas.fence))

@@ -67,14 +67,20 @@ def task_blocks(shape: Shape) -> dict[str, tuple[int, int]]:
         "slack_weight": (1, int(shape.limited)),
         "noise": (4, shape.auvs if covariance else 0),  # standard deviations
         "variance": (1, int(covariance)),  # of a range
-        "excess": (1, int(covariance)),  # unit of covariance, of its square in the second-order error
+        "excess": (
+            1,
+            int(covariance),
+        ),  # unit of covariance, of its square in the second-order error
         "at_rest": (2, 0 if covariance or shape.moving else shape.auvs),
         "time": (1, int(not covariance)),
         "floor": (2, 0 if covariance else shape.auvs),  # of determinant and trace
         "disc": (3, shape.discs),
         "line": (3, sum(shape.keep_outs) + shape.fence),
         "sharpness": (1, len(shape.keep_outs)),
-        "side": (1, int(bool(shape.discs or shape.keep_outs or shape.fence))),  # 1: loiter to the left, -1: to the right
+        "side": (
+            1,
+            int(bool(shape.discs or shape.keep_outs or shape.fence)),
+        ),  # 1: loiter to the left, -1: to the right
         "least": (1, int(shape.least)),
         "greatest": (1, int(shape.greatest)),
     }
@@ -82,15 +88,27 @@ def task_blocks(shape: Shape) -> dict[str, tuple[int, int]]:
 
 def stage_blocks(shape: Shape) -> dict[str, tuple[int, int]]:
     """Parameters of each stage."""
-    covariance, moving = shape.objective == "covariance", shape.moving and shape.objective != "covariance"
+    covariance, moving = (
+        shape.objective == "covariance",
+        shape.moving and shape.objective != "covariance",
+    )
     return {
         "duration": (1, 1),
         "reach": (1, int(shape.slew)),
-        "look": (1, int(shape.limited)),  # time from the stage's beginning at which the limits are looked at beside its end
-        "margin": (3, int(shape.limited)),  # of areas, least and greatest separation, for what lies between the points looked at
+        "look": (
+            1,
+            int(shape.limited),
+        ),  # time from the stage's beginning at which the limits are looked at beside its end
+        "margin": (
+            3,
+            int(shape.limited),
+        ),  # of areas, least and greatest separation, for what lies between the points looked at
         "pings": (1, int(covariance)),
         "course": (3, shape.auvs if covariance else 0),  # cos and sin of the heading, speed
-        "there": (2, shape.auvs * (1 if covariance else 3 if moving else 0)),  # AUVs at the end; or at start, middle and end
+        "there": (
+            2,
+            shape.auvs * (1 if covariance else 3 if moving else 0),
+        ),  # AUVs at the end; or at start, middle and end
         "neighbour": (2, 2 * shape.neighbours),  # at the look and the end
     }
 
@@ -100,7 +118,10 @@ def symbols(blocks: dict[str, tuple[int, int]], name: str) -> tuple[SX, dict[str
     sizes = [rows * cols for rows, cols in blocks.values()]
     column = ca.SX.sym(name, sum(sizes))  # pyright: ignore[reportArgumentType, reportCallIssue]
     parts = ca.vertsplit(column, [0, *np.cumsum(sizes).tolist()])
-    return column, {key: ca.reshape(part, *size) for (key, size), part in zip(blocks.items(), parts, strict=True)}
+    return column, {
+        key: ca.reshape(part, *size)
+        for (key, size), part in zip(blocks.items(), parts, strict=True)
+    }
 
 
 def sinc(z: SX) -> SX:
@@ -116,7 +137,11 @@ def arc(pose: SX, turn_rate: SX, speed: SX, duration: SX) -> SX:
     """Pose after an exact arc."""
     half = 0.5 * turn_rate * duration
     chord = speed * duration * sinc(half)
-    return ca.vertcat(pose[0] + chord * ca.cos(pose[2] + half), pose[1] + chord * ca.sin(pose[2] + half), pose[2] + 2 * half)
+    return ca.vertcat(
+        pose[0] + chord * ca.cos(pose[2] + half),
+        pose[1] + chord * ca.sin(pose[2] + half),
+        pose[2] + 2 * half,
+    )
 
 
 def moved(x: SX, u: SX, shape: Shape, duration: SX) -> tuple[SX, SX, SX]:
@@ -134,7 +159,9 @@ def dynamics(x: SX, u: SX, s: dict[str, SX], g: dict[str, SX], shape: Shape) -> 
     return ca.vertcat(poses[2], *held, advance(z, poses, s, g, shape))
 
 
-def _moments(z: SX, poses: tuple[SX, SX, SX], s: dict[str, SX], _: dict[str, SX], shape: Shape) -> SX:
+def _moments(
+    z: SX, poses: tuple[SX, SX, SX], s: dict[str, SX], _: dict[str, SX], shape: Shape
+) -> SX:
     """Add a stage's integrals by Simpson's rule."""
     n = shape.auvs
 
@@ -148,12 +175,21 @@ def _moments(z: SX, poses: tuple[SX, SX, SX], s: dict[str, SX], _: dict[str, SX]
     return z + s["duration"] / 6 * (f0 + 4 * f1 + f2)
 
 
-def _covariances(z: SX, poses: tuple[SX, SX, SX], s: dict[str, SX], g: dict[str, SX], shape: Shape) -> SX:
+def _covariances(
+    z: SX, poses: tuple[SX, SX, SX], s: dict[str, SX], g: dict[str, SX], shape: Shape
+) -> SX:
     """Predict each AUV's covariance over a stage and update it by the ranges at its end, as `formulations.manoeuvre_search` does."""
     after = []
     for i, packed in enumerate(ca.vertsplit(z, len(TRIANGLE))):
         P = _predicted(unpacked(packed), s["course"][:, i], g["noise"][:, i] ** 2, s["duration"])
-        P = _updated(P, poses[2][:2] - s["there"][:, i], s["pings"], g["variance"], g["excess"], squared=shape.squared)
+        P = _updated(
+            P,
+            poses[2][:2] - s["there"][:, i],
+            s["pings"],
+            g["variance"],
+            g["excess"],
+            squared=shape.squared,
+        )
         after.append(ca.vertcat(*(P[i, j] for i, j in TRIANGLE)))
     return ca.vertcat(*after)
 
@@ -168,7 +204,12 @@ def unpacked(z: SX) -> SX:
 
 def _predicted(P: SX, course: SX, q: SX, h: SX) -> SX:
     A = ca.SX(4, 4)
-    A[0, 2], A[1, 2], A[0, 3], A[1, 3] = -course[2] * course[1], course[2] * course[0], course[0], course[1]
+    A[0, 2], A[1, 2], A[0, 3], A[1, 3] = (
+        -course[2] * course[1],
+        course[2] * course[0],
+        course[0],
+        course[1],
+    )
     Q, F = ca.diag(ca.vertcat(q[0], q[1], 0, q[3])), ca.SX.eye(4) + A * h
     return F @ P @ F.T + Q * h + (A @ Q + Q @ A.T) * (h**2 / 2) + A @ Q @ A.T * (h**3 / 3)
 
@@ -215,7 +256,9 @@ def final_cost(x: SX, g: dict[str, SX], shape: Shape) -> SX:
     score = {
         "log-det": lambda: -logs[0],
         "condition-number": lambda: 2 * logs[1] - logs[0] - np.log(4.0),
-        "smallest-eigenvalue": lambda: _log_above(trace + gap, g["floor"][1, :]) - logs[0] - np.log(2.0),
+        "smallest-eigenvalue": lambda: (
+            _log_above(trace + gap, g["floor"][1, :]) - logs[0] - np.log(2.0)
+        ),
     }[shape.objective]()
     return ca.dot(g["weight"], score)
 
@@ -226,7 +269,9 @@ def _log_above(z: SX, floor: SX) -> SX:
     return ca.if_else(z > floor, ca.log(ca.fmax(z, floor)), ca.log(floor) + r - r**2 / 2)
 
 
-def limits(x: SX, u: SX, s: dict[str, SX], g: dict[str, SX], shape: Shape, *, last: bool) -> tuple[list[SX], list[SX]]:
+def limits(
+    x: SX, u: SX, s: dict[str, SX], g: dict[str, SX], shape: Shape, *, last: bool
+) -> tuple[list[SX], list[SX]]:
     """What has to be at least 0 in a stage: what may be softened [lengths], and the vehicle's own limits."""
     soft, hard, end = [], [], arc(x[:3], u[0], u[1] if shape.free_speed else 1.0, s["duration"])
     for at, time in enumerate((s["look"], s["duration"]) if shape.limited else ()):
@@ -235,8 +280,14 @@ def limits(x: SX, u: SX, s: dict[str, SX], g: dict[str, SX], shape: Shape, *, la
         there = s["neighbour"][:, at * shape.neighbours : (at + 1) * shape.neighbours]
         for k in range(shape.neighbours):
             d2 = ca.sumsqr(p - there[:, k])
-            soft += [(d2 - g["least"] ** 2) / (2 * g["least"]) - s["margin"][1]] if shape.least else []
-            soft += [(g["greatest"] ** 2 - d2) / (2 * g["greatest"]) - s["margin"][2]] if shape.greatest else []
+            soft += (
+                [(d2 - g["least"] ** 2) / (2 * g["least"]) - s["margin"][1]] if shape.least else []
+            )
+            soft += (
+                [(g["greatest"] ** 2 - d2) / (2 * g["greatest"]) - s["margin"][2]]
+                if shape.greatest
+                else []
+            )
     if last and not g["side"].is_empty():
         center = end[:2] + g["side"] * g["radius"] * ca.vertcat(-ca.sin(end[2]), ca.cos(end[2]))
         soft += [c - s["margin"][0] for c in _clearances(center, g, shape, g["radius"])]
@@ -260,7 +311,11 @@ def _clearances(p: SX, g: dict[str, SX], shape: Shape, radius: SX) -> list[SX]:
     for k, edges in enumerate(shape.keep_outs):
         off = g["line"][:2, first : first + edges].T @ p - g["line"][2, first : first + edges].T
         top = ca.mmax(off)
-        found.append(top + ca.log(ca.sum1(ca.exp(g["sharpness"][k] * (off - top))) / edges) / g["sharpness"][k] - radius)
+        found.append(
+            top
+            + ca.log(ca.sum1(ca.exp(g["sharpness"][k] * (off - top))) / edges) / g["sharpness"][k]
+            - radius
+        )
         first += edges
     lines = g["line"][:, first:]
     return found + [lines[2, j] - ca.dot(lines[:2, j], p) - radius for j in range(shape.fence)]

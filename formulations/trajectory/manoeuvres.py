@@ -49,15 +49,25 @@ def _searched(task: Task, violation: Violation | None) -> Float[np.ndarray, " N"
     groups = np.array_split(np.arange(len(task.durations)), min(LEVELS, len(task.durations)))
     ends = np.array([group[-1] for group in groups])
     duration = np.array([task.durations[group].sum() for group in groups])
-    velocity = task.speeds[..., None] * np.stack([np.cos(task.headings), np.sin(task.headings)], axis=-1)
-    mean = np.stack([np.average(velocity[group], axis=0, weights=task.durations[group]) for group in groups])
+    velocity = task.speeds[..., None] * np.stack(
+        [np.cos(task.headings), np.sin(task.headings)], axis=-1
+    )
+    mean = np.stack(
+        [np.average(velocity[group], axis=0, weights=task.durations[group]) for group in groups]
+    )
     found = search_manoeuvres(
         task.pose,
         task.covariance,
-        tracks=Tracks(task.positions[2 * ends + 2], np.arctan2(mean[..., 1], mean[..., 0]), np.hypot(mean[..., 0], mean[..., 1])),
+        tracks=Tracks(
+            task.positions[2 * ends + 2],
+            np.arctan2(mean[..., 1], mean[..., 0]),
+            np.hypot(mean[..., 0], mean[..., 1]),
+        ),
         process_noise=task.process_noise,
         weights=task.weights,
-        stages=Stages(duration, np.array([max(task.pings[group].sum(), NO_PING) for group in groups])),
+        stages=Stages(
+            duration, np.array([max(task.pings[group].sum(), NO_PING) for group in groups])
+        ),
         turn_rates=turn_candidates(task.speed[1] / task.min_turn_radius, BRANCHES),
         speed=task.speed[1],
         ranging=task.ranging,

@@ -16,7 +16,9 @@ MOST_NEIGHBOURS = 16  # that a program keeps a distance from: those nearest to a
 FLOOR = 1e-4  # of the starting determinant; below it the logarithm is continued
 SHARP = 1e-3  # of the mean variance: ranges that err less are taken to err that much by the program, which would not converge otherwise
 SLACK_WEIGHT = 100.0  # per length and time in units of the task; of scores of the order of 1
-STAND_OFF = 0.05  # of a keep-out polygon's inner radius, by which its rounded boundary may be away from it
+STAND_OFF = (
+    0.05  # of a keep-out polygon's inner radius, by which its rounded boundary may be away from it
+)
 
 
 class Setting(NamedTuple):
@@ -34,7 +36,11 @@ def setting(task: Task, heard: Task, start: Controls, objective: str, side: floa
     """
     path = follow(heard, start.turn_rates[None], start.speeds[None])
     heard, moving = _counted(heard, path, objective)
-    near = _neighbours(task, path) if task.least > 0 or np.isfinite(task.greatest) else np.empty(0, dtype=int)
+    near = (
+        _neighbours(task, path)
+        if task.least > 0 or np.isfinite(task.greatest)
+        else np.empty(0, dtype=int)
+    )
     shape = Shape(
         objective=objective,
         stages=len(task.durations),
@@ -52,15 +58,27 @@ def setting(task: Task, heard: Task, start: Controls, objective: str, side: floa
     )
     unit = 1.0
     if objective == "covariance":
-        unit = max(float(scores(heard, path, objective)[0] @ heard.weights), np.finfo(float).eps * task.ranging.sigma**2)
+        unit = max(
+            float(scores(heard, path, objective)[0] @ heard.weights),
+            np.finfo(float).eps * task.ranging.sigma**2,
+        )
     whole = _flat(_of_task(task, heard, path, shape, side=side, unit=unit), task_blocks(shape), 1)
     stages = _flat(_of_stages(task, heard, shape, near), stage_blocks(shape), shape.stages)
     return Setting(shape, np.concatenate([whole.ravel(), stages.ravel()]), unit)
 
 
-def _flat(blocks: dict[str, np.ndarray], sizes: dict[str, tuple[int, int]], stages: int) -> Float[np.ndarray, "{stages} n"]:
+def _flat(
+    blocks: dict[str, np.ndarray], sizes: dict[str, tuple[int, int]], stages: int
+) -> Float[np.ndarray, "{stages} n"]:
     """Blocks one after the other, each by columns; what a shape does not have is left out."""
-    return np.concatenate([np.reshape(blocks[key], (stages, -1)) for key, (rows, cols) in sizes.items() if rows * cols], axis=1)
+    return np.concatenate(
+        [
+            np.reshape(blocks[key], (stages, -1))
+            for key, (rows, cols) in sizes.items()
+            if rows * cols
+        ],
+        axis=1,
+    )
 
 
 def chosen(task: Task, which: np.ndarray) -> Task:
@@ -84,16 +102,22 @@ def _counted(heard: Task, path: Path, objective: str) -> tuple[Task, bool]:
         return heard, moving
     score = scores(heard, path, objective)[0]
     score = score if objective == "covariance" else score - score.min() + 1.0
-    return chosen(heard, np.sort(np.argsort(-heard.weights * score, kind="stable")[:MOST_AUVS])), moving
+    return chosen(
+        heard, np.sort(np.argsort(-heard.weights * score, kind="stable")[:MOST_AUVS])
+    ), moving
 
 
 def _neighbours(task: Task, path: Path) -> np.ndarray:
     distance = np.linalg.norm(path.poses[0, :, None, :2] - task.positions, axis=-1)
-    room = np.minimum(distance - task.least if task.least > 0 else np.inf, task.greatest - distance).min(axis=0)
+    room = np.minimum(
+        distance - task.least if task.least > 0 else np.inf, task.greatest - distance
+    ).min(axis=0)
     return np.sort(np.argsort(room, kind="stable")[:MOST_NEIGHBOURS])
 
 
-def _of_task(task: Task, heard: Task, path: Path, shape: Shape, *, side: float, unit: float) -> dict[str, np.ndarray]:
+def _of_task(
+    task: Task, heard: Task, path: Path, shape: Shape, *, side: float, unit: float
+) -> dict[str, np.ndarray]:
     """Blocks of the task, each by columns."""
     blocks = {"start": np.zeros(shape.accumulated)}
     if shape.objective == "covariance":
@@ -102,7 +126,9 @@ def _of_task(task: Task, heard: Task, path: Path, shape: Shape, *, side: float, 
         floor = np.empty((0, 2))
     else:
         W = gramians(heard, path)[0]
-        floor = FLOOR * np.stack([np.maximum(np.linalg.det(W), np.finfo(float).eps), W[:, 0, 0] + W[:, 1, 1]], axis=-1)
+        floor = FLOOR * np.stack(
+            [np.maximum(np.linalg.det(W), np.finfo(float).eps), W[:, 0, 0] + W[:, 1, 1]], axis=-1
+        )
     edges = [*task.areas.keep_outs, task.areas.fence]
     return {
         **blocks,
@@ -111,7 +137,9 @@ def _of_task(task: Task, heard: Task, path: Path, shape: Shape, *, side: float, 
         "radius": np.array(task.min_turn_radius),
         "slack_weight": np.array(SLACK_WEIGHT),
         "noise": heard.process_noise / np.sqrt(unit),
-        "variance": np.array(max(task.ranging.sigma**2, SHARP * unit * _square_range(heard, path)) / unit),
+        "variance": np.array(
+            max(task.ranging.sigma**2, SHARP * unit * _square_range(heard, path)) / unit
+        ),
         "excess": np.array(unit),
         "at_rest": heard.positions[len(heard.positions) // 2],
         "time": np.array(task.durations.sum()),
@@ -134,7 +162,9 @@ def _square_range(task: Task, path: Path) -> float:
 
 def _sharpness(lines: Float[np.ndarray, "J 3"]) -> float:
     """Of the log-sum-exp, such that the rounded boundary stands off by no more than a part of the inner radius."""
-    x, y, _ = np.linalg.lstsq(np.column_stack([lines[:, :2], np.ones(len(lines))]), lines[:, 2], rcond=None)[0]  # about as far from all
+    x, y, _ = np.linalg.lstsq(
+        np.column_stack([lines[:, :2], np.ones(len(lines))]), lines[:, 2], rcond=None
+    )[0]  # about as far from all
     inner = np.abs(lines[:, :2] @ [x, y] - lines[:, 2]).min()
     return float(np.log(len(lines)) / (STAND_OFF * inner))
 
@@ -173,7 +203,11 @@ def _margins(task: Task, near: np.ndarray) -> Float[np.ndarray, "N 3"]:
     h = 0.5 * task.durations.max()
     bulge = np.full_like(task.durations, h**2 / 8 / task.min_turn_radius)
     area = bulge + (h**2 / 8 / task.areas.discs[:, 2].min() if len(task.areas.discs) else 0.0)
-    way = np.linalg.norm(np.diff(task.positions[::2, near], axis=0), axis=-1).max(axis=1, initial=0.0)
+    way = np.linalg.norm(np.diff(task.positions[::2, near], axis=0), axis=-1).max(
+        axis=1, initial=0.0
+    )
     apart = h * (1 + way / task.durations)
     spread = bulge + task.spread[near].max(initial=0.0)
-    return np.stack([area, spread + (apart**2 / 8 / task.least if task.least > 0 else 0.0), spread], axis=-1)
+    return np.stack(
+        [area, spread + (apart**2 / 8 / task.least if task.least > 0 else 0.0), spread], axis=-1
+    )

@@ -11,11 +11,23 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from .expressions import Shape, dynamics, final_cost, limits, running_cost, stage_blocks, symbols, task_blocks
+from .expressions import (
+    Shape,
+    dynamics,
+    final_cost,
+    limits,
+    running_cost,
+    stage_blocks,
+    symbols,
+    task_blocks,
+)
 
 TOLERANCE = 1e-8  # of the optimality conditions, in units of the task
 FIRST_BARRIER = 1e-4  # of fatrop: a larger one leaves the neighbourhood of a good start, whose turns are often at their limit
-MOST_INFEASIBLE, MOST_OF_MOMENTS = 1.0, 100.0  # sum of gaps: past it covariances turn indefinite, and fatrop may restore for ever
+MOST_INFEASIBLE, MOST_OF_MOMENTS = (
+    1.0,
+    100.0,
+)  # sum of gaps: past it covariances turn indefinite, and fatrop may restore for ever
 SLACK_START = 1e-2  # above what the guess needs: interior
 
 SX = Any
@@ -56,14 +68,23 @@ class Program:
         total = sum(s["duration"] for _, s in self._stages)
         for k, (_, s) in enumerate(self._stages):
             cost += running_cost(X[k + 1], s["duration"] / total, self._task, self.shape)
-            cost += self._task["slack_weight"] * U[k][-1] * s["duration"] if self.shape.limited else 0.0
-            rows += [X[k + 1] - dynamics(X[k], U[k], s, self._task, self.shape), *self._limits(X[k], U[k], k)]
+            cost += (
+                self._task["slack_weight"] * U[k][-1] * s["duration"] if self.shape.limited else 0.0
+            )
+            rows += [
+                X[k + 1] - dynamics(X[k], U[k], s, self._task, self.shape),
+                *self._limits(X[k], U[k], k),
+            ]
         variables = ca.vertcat(*(v for pair in zip(U, X[1:], strict=True) for v in pair))
-        cost, limited = ca.cse([cost, ca.vertcat(*rows)])  # arcs shared by dynamics and limits: halves the Hessian
+        cost, limited = ca.cse(
+            [cost, ca.vertcat(*rows)]
+        )  # arcs shared by dynamics and limits: halves the Hessian
         return {"x": variables, "p": self._p, "f": cost, "g": limited}
 
     def _limits(self, x: SX, u: SX, k: int) -> list[SX]:
-        soft, hard = limits(x, u, self._stages[k][1], self._task, self.shape, last=k == self.shape.stages - 1)
+        soft, hard = limits(
+            x, u, self._stages[k][1], self._task, self.shape, last=k == self.shape.stages - 1
+        )
         return [*(row + u[-1] for row in soft), *hard]
 
     @cached_property
@@ -80,11 +101,16 @@ class Program:
         given = ca.SX.sym("u", 1 + self.shape.free_speed, self.shape.stages)  # pyright: ignore[reportArgumentType, reportCallIssue]
         x, variables, cost = self._start, [], ca.SX(0.0)
         for k, (_, s) in enumerate(self._stages):
-            soft, _ = limits(x, given[:, k], s, self._task, self.shape, last=k == self.shape.stages - 1)
+            soft, _ = limits(
+                x, given[:, k], s, self._task, self.shape, last=k == self.shape.stages - 1
+            )
             x, slack = dynamics(x, given[:, k], s, self._task, self.shape), []
             if self.shape.limited:
                 broken = ca.fmax(0.0, -ca.mmin(ca.vertcat(*soft)))
-                cost, slack = cost + self._task["slack_weight"] * s["duration"] * broken, [broken + SLACK_START]
+                cost, slack = (
+                    cost + self._task["slack_weight"] * s["duration"] * broken,
+                    [broken + SLACK_START],
+                )
             variables += [given[:, k], *slack, x]
         return ca.Function("follow", [given, self._p], [ca.vertcat(*variables), cost])
 
@@ -97,17 +123,38 @@ class Program:
         if name not in self._solvers:
             plain = {"print_time": False, "show_eval_warnings": False, "error_on_fail": False}
             most = MOST_INFEASIBLE if self.shape.objective == "covariance" else MOST_OF_MOMENTS
-            own: dict[str, Any] = {"print_level": 0, "tol": TOLERANCE, "max_iter": self.max_iterations, "theta_max_fact": most}
+            own: dict[str, Any] = {
+                "print_level": 0,
+                "tol": TOLERANCE,
+                "max_iter": self.max_iterations,
+                "theta_max_fact": most,
+            }
             if name == "ipopt":
                 options = {**plain, "ipopt": {**own, "sb": "yes"}}
             else:
                 N = self.shape.stages
-                structure = {"N": N, "nx": [0] + [self.nx] * N, "nu": [self.nu] * N + [0], "ng": self._rows[0]}
-                options = {**plain, "structure_detection": "manual", **structure, "fatrop": {**own, "mu_init": FIRST_BARRIER}}
+                structure = {
+                    "N": N,
+                    "nx": [0] + [self.nx] * N,
+                    "nu": [self.nu] * N + [0],
+                    "ng": self._rows[0],
+                }
+                options = {
+                    **plain,
+                    "structure_detection": "manual",
+                    **structure,
+                    "fatrop": {**own, "mu_init": FIRST_BARRIER},
+                }
             self._solvers[name] = ca.nlpsol("trajectory", name, self._nlp, options)
         return self._solvers[name]
 
-    def solve(self, name: str, start: Controls, parameters: Float[np.ndarray, " n"], bounds: Float[np.ndarray, "2 2"]) -> Controls | None:
+    def solve(
+        self,
+        name: str,
+        start: Controls,
+        parameters: Float[np.ndarray, " n"],
+        bounds: Float[np.ndarray, "2 2"],
+    ) -> Controls | None:
         """Improve on a sequence; None where the solver says it failed. ``bounds``: least and greatest turn rate, and speed."""
         free = self.shape.free_speed
         given = np.stack([start.turn_rates, start.speeds][: 1 + free])
@@ -115,15 +162,21 @@ class Program:
         solver = self._solver(name)
         try:
             guess = self._follow(given, parameters)[0].full()
-            if not (np.isfinite(parameters).all() and np.isfinite(guess).all()):  # which fatrop does not return from either
+            if not (
+                np.isfinite(parameters).all() and np.isfinite(guess).all()
+            ):  # which fatrop does not return from either
                 return None
             found = solver(x0=guess, p=parameters, lbx=lower, ubx=upper, lbg=0.0, ubg=self._rows[1])
         except RuntimeError:  # whatever a solver stumbles over is a reason to try the next
             return None
         if not solver.stats()["success"]:
             return None
-        u = np.clip(found["x"].full().reshape(self.shape.stages, -1)[:, : 1 + free], *bounds[:, : 1 + free])
-        return Controls(u[:, 0], u[:, 1] if free else start.speeds) if np.isfinite(u).all() else None
+        u = np.clip(
+            found["x"].full().reshape(self.shape.stages, -1)[:, : 1 + free], *bounds[:, : 1 + free]
+        )
+        return (
+            Controls(u[:, 0], u[:, 1] if free else start.speeds) if np.isfinite(u).all() else None
+        )
 
     def penalty(self, controls: Controls, parameters: Float[np.ndarray, " n"]) -> float:
         """What breaking the limits, margins included, costs a sequence in the program's objective."""

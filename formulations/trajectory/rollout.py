@@ -24,17 +24,28 @@ class Path(NamedTuple):
     times: Float[np.ndarray, " T"]  # from now
 
 
-def follow(task: Task, turn_rates: Float[np.ndarray, "K N"], speeds: Float[np.ndarray, "K N"], points: int = 2) -> Path:
+def follow(
+    task: Task,
+    turn_rates: Float[np.ndarray, "K N"],
+    speeds: Float[np.ndarray, "K N"],
+    points: int = 2,
+) -> Path:
     """Poses now and at ``points`` equal fractions of each stage, on exact arcs."""
     d = task.durations
     fraction = np.arange(1, points + 1) / points
     half = 0.5 * turn_rates[:, :, None] * d[:, None] * fraction
     ends = task.pose[2] + np.cumsum(turn_rates * d, axis=1)
-    before = np.concatenate([np.full((len(turn_rates), 1), task.pose[2]), ends[:, :-1]], axis=1)[..., None]
+    before = np.concatenate([np.full((len(turn_rates), 1), task.pose[2]), ends[:, :-1]], axis=1)[
+        ..., None
+    ]
     chord = (speeds * d)[:, :, None] * fraction * np.sinc(half / np.pi)
     step = chord[..., None] * np.stack([np.cos(before + half), np.sin(before + half)], axis=-1)
-    start = task.pose[:2] + np.concatenate([np.zeros((len(step), 1, 2)), np.cumsum(step[:, :-1, -1], axis=1)], axis=1)
-    poses = np.concatenate([start[:, :, None] + step, (before + 2 * half)[..., None]], axis=-1).reshape(len(step), -1, 3)
+    start = task.pose[:2] + np.concatenate(
+        [np.zeros((len(step), 1, 2)), np.cumsum(step[:, :-1, -1], axis=1)], axis=1
+    )
+    poses = np.concatenate(
+        [start[:, :, None] + step, (before + 2 * half)[..., None]], axis=-1
+    ).reshape(len(step), -1, 3)
     times = (np.cumsum(d)[:, None] - d[:, None] * (1 - fraction)).ravel()
     here = np.broadcast_to(task.pose, (len(step), 1, 3))
     return Path(np.concatenate([here, poses], axis=1), np.concatenate([[0.0], times]))
@@ -53,7 +64,9 @@ def gramians(task: Task, path: Path) -> Float[np.ndarray, "K M 2 2"]:
     """Position blocks W / 4 from each sequence to each AUV."""
     x, y = (path.poses[:, :, i, None] - task.positions[..., i] for i in (0, 1))
     weights = simpson_weights(task.durations)
-    w11, w12, w22 = (np.tensordot(weights, product, axes=(0, 1)) for product in (x * x, x * y, y * y))
+    w11, w12, w22 = (
+        np.tensordot(weights, product, axes=(0, 1)) for product in (x * x, x * y, y * y)
+    )
     return np.stack([np.stack([w11, w12], axis=-1), np.stack([w12, w22], axis=-1)], axis=-1)
 
 
@@ -84,7 +97,9 @@ def traces(task: Task, path: Path) -> Float[np.ndarray, "K M"]:
     ends = path.poses[:, 2::2, :2]
     for k, (duration, pings) in enumerate(zip(task.durations, task.pings, strict=True)):
         there = task.positions[2 * k + 2]
-        P = predict_covariance(P, Tracks(there, task.headings[k], task.speeds[k]), task.process_noise, float(duration))
+        P = predict_covariance(
+            P, Tracks(there, task.headings[k], task.speeds[k]), task.process_noise, float(duration)
+        )
         if pings > 0:
             P = range_update(P, ends[:, k, None] - there, task.ranging, float(pings))
         total += (P[..., 0, 0] + P[..., 1, 1]) * (duration / task.durations.sum())
@@ -93,10 +108,16 @@ def traces(task: Task, path: Path) -> Float[np.ndarray, "K M"]:
 
 def scores(task: Task, path: Path, objective: str) -> Float[np.ndarray, "K M"]:
     """Each AUV's score under each sequence, lower is better; the task holds AUVs of positive weight alone."""
-    return traces(task, path) if objective == "covariance" else gramian_scores(gramians(task, path), objective)
+    return (
+        traces(task, path)
+        if objective == "covariance"
+        else gramian_scores(gramians(task, path), objective)
+    )
 
 
-def ramped(task: Task, turn_rates: Float[np.ndarray, "K N"], speeds: Float[np.ndarray, "K N"]) -> Float[np.ndarray, "K N"]:
+def ramped(
+    task: Task, turn_rates: Float[np.ndarray, "K N"], speeds: Float[np.ndarray, "K N"]
+) -> Float[np.ndarray, "K N"]:
     """The nearest sequences that the vehicle can follow: within its turning limit, each change within reach."""
     limit = speeds / task.min_turn_radius
     rates = np.clip(turn_rates, -limit, limit)

@@ -22,14 +22,18 @@ class Task(NamedTuple):
     speed: tuple[float, float]  # least and greatest [m/s]
     min_turn_radius: float  # [m]
     durations: Float[np.ndarray, " N"]  # of the stages [s]
-    reach: Float[np.ndarray, " N"] | None  # largest change of turn rate at the beginning of each stage [rad/s]
+    reach: (
+        Float[np.ndarray, " N"] | None
+    )  # largest change of turn rate at the beginning of each stage [rad/s]
     pings: Float[np.ndarray, " N"]  # number of ranges to each AUV at the end of each stage
     positions: Float[np.ndarray, "T M 2"]  # of the AUVs [m]
     headings: Float[np.ndarray, "N M"]  # of the AUVs during each stage [rad]
     speeds: Float[np.ndarray, "N M"]  # of the AUVs through the water [m/s]
     covariance: Float[np.ndarray, "M 4 4"]  # of each AUV's state now
     process_noise: Float[np.ndarray, "M 4"]  # standard deviations per square root of a second
-    spread: Float[np.ndarray, " M"]  # by which an AUV may stray from its expected position before the path can answer [m]
+    spread: Float[
+        np.ndarray, " M"
+    ]  # by which an AUV may stray from its expected position before the path can answer [m]
     weights: Float[np.ndarray, " M"]
     ranging: Ranging
     areas: Areas

@@ -9,7 +9,18 @@ from jaxtyping import Float
 
 from .mission import HEADING, Mission
 
-LOWER = [0, 1, 2, 3, 5, 6, 7, 10, 11, 15]  # of a symmetric 4 x 4 matrix, its lower triangle by columns
+LOWER = [
+    0,
+    1,
+    2,
+    3,
+    5,
+    6,
+    7,
+    10,
+    11,
+    15,
+]  # of a symmetric 4 x 4 matrix, its lower triangle by columns
 NEAREST = 1e-6  # [m]; a range from on top of an AUV tells nothing, and has no direction
 
 
@@ -19,9 +30,16 @@ class PredictedVariance:
     def __init__(self, mission: Mission) -> None:
         stages, M = mission.stages, len(mission.weights)
         S = len(stages.end)
-        by_stage = [part for half in stages.halves for part in (half.transition.swapaxes(-1, -2), half.noise, half.heading)]
+        by_stage = [
+            part
+            for half in stages.halves
+            for part in (half.transition.swapaxes(-1, -2), half.noise, half.heading)
+        ]
         repeated = [np.tile(a, (S, 1)) for a in (mission.weights, [mission.ranging.sigma])]
-        first, rows = mission.covariance.reshape(M, 16)[:, LOWER], [mission.position[stages.end], *by_stage]
+        first, rows = (
+            mission.covariance.reshape(M, 16)[:, LOWER],
+            [mission.position[stages.end], *by_stage],
+        )
         rows += [stages.pings, stages.share, *repeated]
         self._parameters = [ca.DM(first.T), *(ca.DM(a.reshape(S, -1).T) for a in rows)]
         self._function = variance_function(S, M, mission.ranging.squared)
@@ -38,7 +56,9 @@ def variance_function(S: int, M: int, squared: bool) -> ca.Function:
     step = stage_function(M, squared)
     sizes = [step.size_in(i) for i in range(step.n_in())]
     first, x = ca.MX.sym("P", 10, M), ca.MX.sym("x", 2, S)  # pyright: ignore[reportArgumentType, reportCallIssue]
-    parameters = [ca.MX.sym(f"p{i}", rows, columns * S) for i, (rows, columns) in enumerate(sizes[3:])]  # pyright: ignore[reportArgumentType, reportCallIssue]
+    parameters = [
+        ca.MX.sym(f"p{i}", rows, columns * S) for i, (rows, columns) in enumerate(sizes[3:])
+    ]  # pyright: ignore[reportArgumentType, reportCallIssue]
     _, sums = step.mapaccum("stages", S, 2)(first, 0, x, *parameters)
     total = sums[-1]
     return ca.Function("variance", [x, first, *parameters], [total, ca.gradient(total, x)])
@@ -49,18 +69,34 @@ def stage_function(M: int, squared: bool) -> ca.Function:
     """One stage: (covariances, sum so far, position, parameters) -> (covariances, sum)."""
     symbol: Any = ca.SX.sym
     P, total, x, auvs = symbol("P", 10, M), symbol("total"), symbol("x", 2), symbol("auvs", 2 * M)
-    maps = [symbol(name, rows * M) for _ in range(2) for name, rows in (("T", 16), ("Q", 16), ("h", 1))]
-    pings, share, weights, sigma = symbol("pings"), symbol("share", 3), symbol("weights", M), symbol("sigma")
+    maps = [
+        symbol(name, rows * M) for _ in range(2) for name, rows in (("T", 16), ("Q", 16), ("h", 1))
+    ]
+    pings, share, weights, sigma = (
+        symbol("pings"),
+        symbol("share", 3),
+        symbol("weights", M),
+        symbol("sigma"),
+    )
     after, known = [], total
     for i in range(M):
         begin = symmetric(P[:, i])
-        one = [part[i * size : (i + 1) * size] for part, size in zip(maps, (16, 16, 1) * 2, strict=True)]
+        one = [
+            part[i * size : (i + 1) * size]
+            for part, size in zip(maps, (16, 16, 1) * 2, strict=True)
+        ]
         middle = advanced(begin, *one[:3])
         end = advanced(middle, *one[3:])
-        variance = ca.vertcat(*(covariance[0, 0] + covariance[1, 1] for covariance in (begin, middle, end)))
+        variance = ca.vertcat(
+            *(covariance[0, 0] + covariance[1, 1] for covariance in (begin, middle, end))
+        )
         known += weights[i] * ca.dot(share, variance)
         after.append(lower(ranged(end, x - auvs[2 * i : 2 * i + 2], pings, sigma, squared)))
-    return ca.Function("stage", [P, total, x, auvs, *maps, pings, share, weights, sigma], [ca.horzcat(*after), known])
+    return ca.Function(
+        "stage",
+        [P, total, x, auvs, *maps, pings, share, weights, sigma],
+        [ca.horzcat(*after), known],
+    )
 
 
 def advanced(P: ca.SX, T: ca.SX, Q: ca.SX, h: ca.SX) -> ca.SX:

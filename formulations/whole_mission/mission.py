@@ -40,7 +40,9 @@ class Stages(NamedTuple):
     end: Integer[np.ndarray, " S"]  # sample
     pings: Integer[np.ndarray, " S"]
     halves: tuple[Maps, Maps]
-    share: Float[np.ndarray, "S 3"]  # of the mission's time, of the beginning, middle and end of each stage, before its ranges
+    share: Float[
+        np.ndarray, "S 3"
+    ]  # of the mission's time, of the beginning, middle and end of each stage, before its ranges
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,20 +81,31 @@ class Mission:
     @cached_property
     def stages(self) -> Stages:
         """The mission cut at its ranges; an odd number of them taken together as measured at the middle one, where there are too many."""
-        size = -(-self.pings.size // MOST_STAGES) // 2 * 2 + 1 if self.pings.size > MOST_STAGES else 1
+        size = (
+            -(-self.pings.size // MOST_STAGES) // 2 * 2 + 1 if self.pings.size > MOST_STAGES else 1
+        )
         groups = [self.pings[i : i + size] for i in range(0, self.pings.size, size)]
-        end, count = [int(group[(len(group) - 1) // 2]) for group in groups], [len(group) for group in groups]
+        end, count = (
+            [int(group[(len(group) - 1) // 2]) for group in groups],
+            [len(group) for group in groups],
+        )
         if not end or end[-1] < self.steps:
             end, count = [*end, self.steps], [*count, 0]
         begin, stop = np.array([0, *end[:-1]]), np.array(end)
         middle = begin + (stop - begin) // 2
         share = simpson(middle - begin, stop - middle) * ((stop - begin) / self.steps)[:, None]
-        return Stages(stop, np.array(count), (self.maps(begin, middle), self.maps(middle, stop)), share)
+        return Stages(
+            stop, np.array(count), (self.maps(begin, middle), self.maps(middle, stop)), share
+        )
 
     def maps(self, begin: Integer[np.ndarray, " S"], end: Integer[np.ndarray, " S"]) -> Maps:
         """What the intervals from samples ``begin`` to ``end`` do to the covariances."""
         shape, F, variance = (len(begin), len(self.weights)), self._transitions, self.compass**2
-        T, Q, h = np.broadcast_to(np.eye(4), (*shape, 4, 4)).copy(), np.zeros((*shape, 4, 4)), np.zeros(shape)
+        T, Q, h = (
+            np.broadcast_to(np.eye(4), (*shape, 4, 4)).copy(),
+            np.zeros((*shape, 4, 4)),
+            np.zeros(shape),
+        )
         random_walk = self.process_noise[..., None] ** 2 * np.eye(4) * self.time_step
         for step in range(int(np.max(end - begin, initial=0))):
             now = np.flatnonzero(begin + step < end)
@@ -109,7 +122,10 @@ class Mission:
     def _transitions(self) -> Float[np.ndarray, "steps M 4 4"]:
         east, north = np.moveaxis(self.heading[:-1], -1, 0)
         F = np.broadcast_to(np.eye(4), (*east.shape, 4, 4)).copy()
-        F[..., 0, 2], F[..., 1, 2] = -self.speed[:-1] * north * self.time_step, self.speed[:-1] * east * self.time_step
+        F[..., 0, 2], F[..., 1, 2] = (
+            -self.speed[:-1] * north * self.time_step,
+            self.speed[:-1] * east * self.time_step,
+        )
         F[..., 0, 3], F[..., 1, 3] = east * self.time_step, north * self.time_step
         return F
 
@@ -118,12 +134,21 @@ def advance(P: Float[np.ndarray, "M 4 4"], maps: Maps, stage: int) -> Float[np.n
     """Covariances after one of the intervals."""
     T, Q, h = (part[stage] for part in maps)
     column = P[..., HEADING]
-    known = P - (h / (1 + h * column[..., HEADING]))[:, None, None] * column[..., :, None] * column[..., None, :]
+    known = (
+        P
+        - (h / (1 + h * column[..., HEADING]))[:, None, None]
+        * column[..., :, None]
+        * column[..., None, :]
+    )
     return T @ known @ T.swapaxes(-1, -2) + Q
 
 
-def simpson(before: Integer[np.ndarray, " S"], after: Integer[np.ndarray, " S"]) -> Float[np.ndarray, "S 3"]:
+def simpson(
+    before: Integer[np.ndarray, " S"], after: Integer[np.ndarray, " S"]
+) -> Float[np.ndarray, "S 3"]:
     """Weights of the ends and the inner point of intervals so cut that integrate parabolas; the trapezoid's where nothing is before it."""
     a, b = np.maximum(before, 1), after
-    parabola = np.stack([(2 * a - b) / (6 * a), (a + b) ** 2 / (6 * a * b), (2 * b - a) / (6 * b)], axis=-1)
+    parabola = np.stack(
+        [(2 * a - b) / (6 * a), (a + b) ** 2 / (6 * a * b), (2 * b - a) / (6 * b)], axis=-1
+    )
     return np.where((before > 0)[:, None], parabola, [0.5, 0.0, 0.5])

@@ -30,23 +30,44 @@ class Turns:
         turn, chord, heading = self._steps(w)
         ahead = chord[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
         moved = np.concatenate([np.zeros((1, 2)), np.cumsum(ahead, axis=0)])
-        return np.column_stack([self.mission.start[:2] + moved, self.mission.start[2] + np.concatenate([[0.0], np.cumsum(turn)])])
+        return np.column_stack(
+            [
+                self.mission.start[:2] + moved,
+                self.mission.start[2] + np.concatenate([[0.0], np.cumsum(turn)]),
+            ]
+        )
 
-    def gradient(self, w: Float[np.ndarray, " n"], by_position: Float[np.ndarray, "samples 2"]) -> Float[np.ndarray, " n"]:
+    def gradient(
+        self, w: Float[np.ndarray, " n"], by_position: Float[np.ndarray, "samples 2"]
+    ) -> Float[np.ndarray, " n"]:
         """Gradient by the turns of what has the gradient ``by_position``: the reverse of `poses`."""
         turn, chord, heading = self._steps(w)
-        later = np.cumsum(by_position[:0:-1], axis=0)[::-1]  # by the move of each step, which all later positions share
+        later = np.cumsum(by_position[:0:-1], axis=0)[
+            ::-1
+        ]  # by the move of each step, which all later positions share
         cos, sin = np.cos(heading), np.sin(heading)
         by_chord = later[:, 0] * cos + later[:, 1] * sin
         by_heading = chord * (later[:, 1] * cos - later[:, 0] * sin)
         after = np.concatenate([np.cumsum(by_heading[:0:-1])[::-1], [0.0]])
-        by_turn = by_chord * self.mission.cna_speed * self.mission.time_step * 0.5 * sinc_slope(0.5 * turn) + 0.5 * by_heading + after
-        return np.add.reduceat(by_turn, self._first) * (self.mission.max_turn_rate * self.mission.time_step)
+        by_turn = (
+            by_chord
+            * self.mission.cna_speed
+            * self.mission.time_step
+            * 0.5
+            * sinc_slope(0.5 * turn)
+            + 0.5 * by_heading
+            + after
+        )
+        return np.add.reduceat(by_turn, self._first) * (
+            self.mission.max_turn_rate * self.mission.time_step
+        )
 
     def of(self, turn_rate: Float[np.ndarray, " steps"]) -> Float[np.ndarray, " n"]:
         """Turns that keep the headings of turn rates [rad/s] given at each step."""
         held = np.minimum(self._first + self.hold, self.mission.steps) - self._first
-        return np.clip(np.add.reduceat(turn_rate, self._first) / held / self.mission.max_turn_rate, -1.0, 1.0)
+        return np.clip(
+            np.add.reduceat(turn_rate, self._first) / held / self.mission.max_turn_rate, -1.0, 1.0
+        )
 
     def _steps(self, w: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Turn [rad], chord [m] and the chord's heading [rad] of every step."""

@@ -19,7 +19,11 @@ from .starts import Violation, shaken, starts
 PENALTIES = (1.0, 30.0, 1000.0)  # of the mean square violation, one after the other [-]
 PROBE = 1e-3  # [m]; by which positions are moved to see how the violation changes
 PROBES = PROBE * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
-FIRST, ITERATIONS, POLISH = 30, 300, 3000  # of the descents from all starts, of the better ones' and of the best's
+FIRST, ITERATIONS, POLISH = (
+    30,
+    300,
+    3000,
+)  # of the descents from all starts, of the better ones' and of the best's
 BETTER = 3  # one of so many starts is worth going on with
 REDUCTION = 1e-8  # of the objective, relative to going straight on: where it falls by less, the descent is at its end
 PAIRS = 20  # steps remembered as curvature
@@ -58,9 +62,15 @@ class Objective:
 
     def broken(self, w: Float[np.ndarray, " n"]) -> float:
         """How far the path breaks a limit at a sample [m], at least 0."""
-        return 0.0 if self.violation is None else max(0.0, float(self._violation(self.turns.poses(w)[:, :2]).max()))
+        return (
+            0.0
+            if self.violation is None
+            else max(0.0, float(self._violation(self.turns.poses(w)[:, :2]).max()))
+        )
 
-    def penalised(self, w: Float[np.ndarray, " n"], penalty: float) -> tuple[float, Float[np.ndarray, " n"]]:
+    def penalised(
+        self, w: Float[np.ndarray, " n"], penalty: float
+    ) -> tuple[float, Float[np.ndarray, " n"]]:
         """Mean variance and penalty [m^2], and the gradient."""
         x, ends = self.turns.poses(w)[:, :2], self.turns.mission.stages.end
         by_position = np.zeros_like(x)
@@ -69,16 +79,24 @@ class Objective:
             deep = np.maximum(self._violation(x) + self.margin, 0.0)
             value += penalty * float(np.mean(deep**2))
             broken = np.flatnonzero(deep > 0)
-            by_position[1 + broken] += (2 * penalty / deep.size) * deep[broken, None] * self._slope(x, broken)
+            by_position[1 + broken] += (
+                (2 * penalty / deep.size) * deep[broken, None] * self._slope(x, broken)
+            )
         return value, self.turns.gradient(w, by_position)
 
     def _violation(self, x: Float[np.ndarray, "samples 2"]) -> Float[np.ndarray, " steps"]:
         mission = self.turns.mission
-        return cast(Violation, self.violation)(x[1:], np.arange(1, mission.steps + 1) * mission.time_step)  # the start is where it is
+        return cast(Violation, self.violation)(
+            x[1:], np.arange(1, mission.steps + 1) * mission.time_step
+        )  # the start is where it is
 
-    def _slope(self, x: Float[np.ndarray, "samples 2"], steps: Integer[np.ndarray, " some"]) -> Float[np.ndarray, "some 2"]:
+    def _slope(
+        self, x: Float[np.ndarray, "samples 2"], steps: Integer[np.ndarray, " some"]
+    ) -> Float[np.ndarray, "some 2"]:
         time = (steps + 1) * self.turns.mission.time_step
-        east, west, north, south = cast(Violation, self.violation)(x[1 + steps] + PROBES[:, None], time)
+        east, west, north, south = cast(Violation, self.violation)(
+            x[1 + steps] + PROBES[:, None], time
+        )
         return np.stack([east - west, north - south], axis=-1) / (2 * PROBE)
 
 
@@ -98,7 +116,13 @@ def rank(tried: Try) -> tuple[int, float]:
 
 
 def optimise(
-    mission: Mission, *, hold: int, count: int, random: np.random.Generator, violation: Violation | None = None, margin: float = 0.0
+    mission: Mission,
+    *,
+    hold: int,
+    count: int,
+    random: np.random.Generator,
+    violation: Violation | None = None,
+    margin: float = 0.0,
 ) -> Plan:
     """Find turns, each held for ``hold`` steps, for the least time mean of the AUVs' predicted position variance.
 
@@ -117,9 +141,15 @@ def optimise(
     """
     turns = Turns(mission, hold)
     objective = Objective(turns, PredictedVariance(mission), violation, margin)
-    begun = [assess(objective, w, Status.BEST_MANOEUVRE) for w in islice(starts(turns, random, violation), count)]
+    begun = [
+        assess(objective, w, Status.BEST_MANOEUVRE)
+        for w in islice(starts(turns, random, violation), count)
+    ]
     rough = sorted((descend(objective, one.w, FIRST) for one in begun), key=rank)
-    best = min((*begun, *(descend(objective, one.w) for one in rough[: -(-len(rough) // BETTER)])), key=rank)
+    best = min(
+        (*begun, *(descend(objective, one.w) for one in rough[: -(-len(rough) // BETTER)])),
+        key=rank,
+    )
     for _ in range(count - len(begun)):
         best = min(best, descend(objective, shaken(best.w, random)), key=rank)
     best = min(descend(objective, best.w, POLISH), best, key=rank)
@@ -154,7 +184,13 @@ def descend(objective: Objective, w: Float[np.ndarray, " n"], iterations: int = 
             jac=True,
             method="L-BFGS-B",
             bounds=[(-1.0, 1.0)] * w.size,
-            options={"maxiter": iterations, "maxfun": 2 * iterations, "ftol": REDUCTION, "gtol": GRADIENT, "maxcor": PAIRS},
+            options={
+                "maxiter": iterations,
+                "maxfun": 2 * iterations,
+                "ftol": REDUCTION,
+                "gtol": GRADIENT,
+                "maxcor": PAIRS,
+            },
         )
         w, success = np.clip(result.x, -1.0, 1.0), bool(result.success)
     return assess(objective, w, Status.OPTIMAL if success else Status.INACCURATE)

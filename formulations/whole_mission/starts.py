@@ -6,7 +6,14 @@ import numpy as np
 from jaxtyping import Float
 
 from formulations import manoeuvre_search
-from formulations.manoeuvre_search import Stages, Tracks, ping_stages, range_update, search_manoeuvres, turn_candidates
+from formulations.manoeuvre_search import (
+    Stages,
+    Tracks,
+    ping_stages,
+    range_update,
+    search_manoeuvres,
+    turn_candidates,
+)
 
 from .mission import Mission, advance
 from .path import Turns
@@ -20,16 +27,22 @@ WINDOWS = (4, 8, 16, 32)  # turns of the best that are shaken
 ROUNDING = 1e-6  # [s]
 SHAKE = 0.4  # their standard deviation, in units of the limit
 
-Violation = Callable[[Float[np.ndarray, "*batch 2"], Float[np.ndarray, " *samples"]], Float[np.ndarray, "*batch"]]
+Violation = Callable[
+    [Float[np.ndarray, "*batch 2"], Float[np.ndarray, " *samples"]], Float[np.ndarray, "*batch"]
+]
 
 
-def starts(turns: Turns, random: np.random.Generator, violation: Violation | None) -> Iterator[Float[np.ndarray, " n"]]:
+def starts(
+    turns: Turns, random: np.random.Generator, violation: Violation | None
+) -> Iterator[Float[np.ndarray, " n"]]:
     """Turns to begin with, one after the other as they are asked for."""
     yield from (receding_horizon(turns, *tree, violation) for tree in TREES)
     yield from (orbit(turns, radius, left) for radius in ORBITS for left in (1.0, -1.0))
     yield from (np.full(turns.count, scale * left) for scale in STRAIGHTER for left in (1.0, -1.0))
     for longer, scale in RANDOM:
-        yield np.repeat(random.uniform(-scale, scale, -(-turns.count // longer)), longer)[: turns.count]
+        yield np.repeat(random.uniform(-scale, scale, -(-turns.count // longer)), longer)[
+            : turns.count
+        ]
 
 
 def shaken(w: Float[np.ndarray, " n"], random: np.random.Generator) -> Float[np.ndarray, " n"]:
@@ -40,12 +53,23 @@ def shaken(w: Float[np.ndarray, " n"], random: np.random.Generator) -> Float[np.
     return np.clip(changed, -1.0, 1.0)
 
 
-def receding_horizon(turns: Turns, levels: int, branches: int, beam: int, violation: Violation | None) -> Float[np.ndarray, " n"]:
+def receding_horizon(
+    turns: Turns, levels: int, branches: int, beam: int, violation: Violation | None
+) -> Float[np.ndarray, " n"]:
     """Turns of a search over a horizon repeated at every stage, as covariances are predicted along the surveys."""
     mission, stages = turns.mission, turns.mission.stages
-    P, pose, rates, begin, dt = mission.covariance, mission.start, np.empty(mission.steps), 0, mission.time_step
+    P, pose, rates, begin, dt = (
+        mission.covariance,
+        mission.start,
+        np.empty(mission.steps),
+        0,
+        mission.time_step,
+    )
     for k, end in enumerate(stages.end.tolist()):
-        since, every = (begin - mission.first_ping) % mission.ping_every * dt, mission.ping_every * dt
+        since, every = (
+            (begin - mission.first_ping) % mission.ping_every * dt,
+            mission.ping_every * dt,
+        )
         ahead = within(ping_stages(since, every, HORIZON, levels), (mission.steps - begin) * dt)
         found = search_manoeuvres(
             pose,
@@ -64,7 +88,9 @@ def receding_horizon(turns: Turns, levels: int, branches: int, beam: int, violat
         pose = moved(pose, float(found.turn_rates[0]), mission.cna_speed, (end - begin) * dt)
         P = advance(advance(P, stages.halves[0], k), stages.halves[1], k)
         if stages.pings[k]:
-            P = range_update(P, pose[:2] - mission.position[end], mission.ranging, float(stages.pings[k]))
+            P = range_update(
+                P, pose[:2] - mission.position[end], mission.ranging, float(stages.pings[k])
+            )
         begin = end
     return turns.of(rates)
 
@@ -84,7 +110,9 @@ def tracks(mission: Mission, sample: int, durations: Float[np.ndarray, " S"]) ->
     ends = sample + np.concatenate([[0.0], np.cumsum(durations)]) / mission.time_step
     position = np.stack(
         [
-            np.stack([np.interp(ends, np.arange(mission.steps + 1), axis) for axis in auv.T], axis=-1)
+            np.stack(
+                [np.interp(ends, np.arange(mission.steps + 1), axis) for axis in auv.T], axis=-1
+            )
             for auv in mission.position.swapaxes(0, 1)
         ],
         axis=1,
@@ -99,24 +127,39 @@ def orbit(turns: Turns, radius: float, left: float) -> np.ndarray:
     mission = turns.mission
     smallest = mission.cna_speed / mission.max_turn_rate
     center = np.einsum("kmi,m->ki", mission.position, mission.weights)
-    far = np.hypot(*np.moveaxis(mission.position - center[:, None], -1, 0)).max(axis=-1) + radius * smallest
+    far = (
+        np.hypot(*np.moveaxis(mission.position - center[:, None], -1, 0)).max(axis=-1)
+        + radius * smallest
+    )
     velocity = np.diff(center, axis=0) / mission.time_step
     pose, rates, dt = mission.start, np.empty(mission.steps), turns.hold * mission.time_step
     for k in range(0, mission.steps, turns.hold):
         away = pose[:2] - center[k]
         outside = np.hypot(*away) - far[k]
-        course = np.arctan2(away[1], away[0]) + left * (0.5 * np.pi + np.arctan(outside / (2 * smallest)))
-        water = mission.cna_speed * np.array([np.cos(course), np.sin(course)]) + velocity[k]  # so that the orbit moves with the AUVs
-        error = np.arctan2(water[1], water[0]) + left * 0.5 * mission.cna_speed / far[k] * dt - pose[2]
+        course = np.arctan2(away[1], away[0]) + left * (
+            0.5 * np.pi + np.arctan(outside / (2 * smallest))
+        )
+        water = (
+            mission.cna_speed * np.array([np.cos(course), np.sin(course)]) + velocity[k]
+        )  # so that the orbit moves with the AUVs
+        error = (
+            np.arctan2(water[1], water[0]) + left * 0.5 * mission.cna_speed / far[k] * dt - pose[2]
+        )
         rates[k : k + turns.hold] = rate = np.clip(
-            np.arctan2(np.sin(error), np.cos(error)) / dt, -mission.max_turn_rate, mission.max_turn_rate
+            np.arctan2(np.sin(error), np.cos(error)) / dt,
+            -mission.max_turn_rate,
+            mission.max_turn_rate,
         )
         pose = moved(pose, rate, mission.cna_speed, dt)
     return turns.of(rates)
 
 
-def moved(pose: Float[np.ndarray, "3"], turn_rate: float, speed: float, time: float) -> Float[np.ndarray, "3"]:
+def moved(
+    pose: Float[np.ndarray, "3"], turn_rate: float, speed: float, time: float
+) -> Float[np.ndarray, "3"]:
     """Pose after an arc."""
     half = 0.5 * turn_rate * time
     chord = speed * time * np.sinc(half / np.pi)
-    return pose + np.array([chord * np.cos(pose[2] + half), chord * np.sin(pose[2] + half), 2 * half])
+    return pose + np.array(
+        [chord * np.cos(pose[2] + half), chord * np.sin(pose[2] + half), 2 * half]
+    )

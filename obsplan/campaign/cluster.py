@@ -44,8 +44,18 @@ def local(number: int) -> Iterator["Client"]:
     """A client of processes made for the while; they talk over the loopback interface only, and there is no dashboard."""
     from distributed import Client, LocalCluster
 
-    options = {"n_workers": number, "threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "memory_limit": None}
-    with LocalCluster(host="127.0.0.1", silence_logs=logging.CRITICAL, preload=DEAF, **options) as cluster, Client(cluster) as client:
+    options = {
+        "n_workers": number,
+        "threads_per_worker": 1,
+        "dashboard_address": "127.0.0.1:0",
+        "memory_limit": None,
+    }
+    with (
+        LocalCluster(
+            host="127.0.0.1", silence_logs=logging.CRITICAL, preload=DEAF, **options
+        ) as cluster,
+        Client(cluster) as client,
+    ):
         yield client
 
 
@@ -54,14 +64,20 @@ def remote(address: str) -> Iterator["Client"]:
     """A client of the cluster at an address."""
     from distributed import Client
 
-    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # most faults mend themselves; of the others we hear
+    logging.getLogger("distributed.client").setLevel(
+        logging.CRITICAL
+    )  # most faults mend themselves; of the others we hear
     try:
         client = Client(address, timeout=PATIENCE)
     except (OSError, ValueError, TimeoutError) as error:
-        raise ObsplanError(f"no Dask scheduler answers at {address} ({error}); start one with `dask scheduler`") from error
+        raise ObsplanError(
+            f"no Dask scheduler answers at {address} ({error}); start one with `dask scheduler`"
+        ) from error
     with client:
         try:
             client.wait_for_workers(1, timeout=PATIENCE)
         except TimeoutError:
-            raise ObsplanError(f"the scheduler at {address} has no workers; start some with `dask worker {address}`") from None
+            raise ObsplanError(
+                f"the scheduler at {address} has no workers; start some with `dask worker {address}`"
+            ) from None
         yield client

@@ -77,16 +77,27 @@ def fly_campaign(
         missing = [len(cell.seeds) - store.count(number, cell.seeds) for number, cell in planned]
         if any(missing):
             with connected(workers=workers, most=sum(missing), scheduler=scheduler) as client:
-                flight = Flight(client=client, store=store, progress=progress or (lambda *_: None), todo=sum(missing))
+                flight = Flight(
+                    client=client,
+                    store=store,
+                    progress=progress or (lambda *_: None),
+                    todo=sum(missing),
+                )
                 flight.fly(flight.batches(planned, missing))
                 timing = flight.timing()
             write_atomically(folder / "timing.json", json.dumps(timing, indent=2) + "\n")
         export(store, folder)
-        failures = ((cell, seed, why) for number, cell in planned for seed, why in store.failures(number, cell.seeds))
+        failures = (
+            (cell, seed, why)
+            for number, cell in planned
+            for seed, why in store.failures(number, cell.seeds)
+        )
         return Report(
             missions=sum(len(cell.seeds) for cell in cells),
             flown=sum(missing),
-            failed=sum(len(cell.seeds) - store.count(number, cell.seeds) for number, cell in planned),
+            failed=sum(
+                len(cell.seeds) - store.count(number, cell.seeds) for number, cell in planned
+            ),
             failures=[*islice(failures, MOST_LISTED)],
         )
 
@@ -95,11 +106,17 @@ def claimed(folder: Path) -> Path:
     """The folder of a campaign, new or to be resumed."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        inside = {path.name for path in folder.iterdir()}  # looked at once: another campaign may be making its store
+        inside = {
+            path.name for path in folder.iterdir()
+        }  # looked at once: another campaign may be making its store
         if inside and FILE not in inside:
-            raise ObsplanError(f"{folder} holds something that is not a campaign; give another folder with --out")
+            raise ObsplanError(
+                f"{folder} holds something that is not a campaign; give another folder with --out"
+            )
     except OSError as error:
-        raise ObsplanError(f"{folder} cannot be made ({error.strerror}); give another folder with --out") from error
+        raise ObsplanError(
+            f"{folder} cannot be made ({error.strerror}); give another folder with --out"
+        ) from error
     return folder
 
 
@@ -120,10 +137,14 @@ class Flight:
     looked: float = 0.0
     counted: float = -math.inf
     threads: int = 1
-    pace: dict[int, float] = field(default_factory=dict)  # of each cell, as last seen [s per mission]
+    pace: dict[int, float] = field(
+        default_factory=dict
+    )  # of each cell, as last seen [s per mission]
     suspects: list[Batch] = field(default_factory=list)
 
-    def batches(self, planned: Iterable[tuple[int, Cell]], missing: Iterable[int]) -> Iterator[Batch]:
+    def batches(
+        self, planned: Iterable[tuple[int, Cell]], missing: Iterable[int]
+    ) -> Iterator[Batch]:
         """Batches of about a second, smaller toward the end so that no worker is left alone with a long one."""
         for (number, cell), lacking in zip(planned, missing, strict=True):
             seeds = self.store.missing(number, cell.seeds)
@@ -141,7 +162,9 @@ class Flight:
         self.drive(batches, self.suspects.append)
         alone = [batch._replace(seeds=(seed,)) for batch in self.suspects for seed in batch.seeds]
         for batch in alone:
-            self.drive(iter([batch]), lambda one: self._keep([(one.cell, failed(one.seeds[0], DIED))]))
+            self.drive(
+                iter([batch]), lambda one: self._keep([(one.cell, failed(one.seeds[0], DIED))])
+            )
 
     def _look_around(self) -> None:
         """Count the workers' threads, which come and go on a cluster, and what they could have done since the last look."""
@@ -165,8 +188,18 @@ class Flight:
                 finished.add(future)
             if not flying:
                 return
-            landed = [(flying.pop(future), result_of(future, result)) for future, result in finished.next_batch()]
-            self._keep([(batch.cell, outcome) for batch, flown in landed if flown for outcome in flown.outcomes])
+            landed = [
+                (flying.pop(future), result_of(future, result))
+                for future, result in finished.next_batch()
+            ]
+            self._keep(
+                [
+                    (batch.cell, outcome)
+                    for batch, flown in landed
+                    if flown
+                    for outcome in flown.outcomes
+                ]
+            )
             for batch, flown in landed:
                 if flown is None:
                     bury(batch)
@@ -189,7 +222,8 @@ class Flight:
             "threads": self.threads,
             "seconds": seconds,
             "missions_per_second": self.done / seconds,
-            "share_of_time_in_missions": self.work / self.capacity,  # the rest is scheduling, and waiting at the end
+            "share_of_time_in_missions": self.work
+            / self.capacity,  # the rest is scheduling, and waiting at the end
         }
 
 
@@ -206,11 +240,17 @@ def result_of(future: "Future", result: Any) -> Flown | None:
     ours = obsplan.__version__
     if future.status == "finished":
         if result.version != ours:
-            raise ObsplanError(f"a worker has obsplan {result.version} and this is {ours}; install {ours} there and repeat")
+            raise ObsplanError(
+                f"a worker has obsplan {result.version} and this is {ours}; install {ours} there and repeat"
+            )
         return result
     if future.status != "error":
-        raise ObsplanError("the scheduler was lost; what was flown is kept, and the same command goes on from there")
+        raise ObsplanError(
+            "the scheduler was lost; what was flown is kept, and the same command goes on from there"
+        )
     error = result[1]
     if isinstance(error, KilledWorker):
         return None
-    raise ObsplanError(f"a worker cannot fly missions ({type(error).__name__}: {error}); install obsplan {ours} there") from error
+    raise ObsplanError(
+        f"a worker cannot fly missions ({type(error).__name__}: {error}); install obsplan {ours} there"
+    ) from error

@@ -42,7 +42,12 @@ class Cell:
 
 
 def plan_cells(
-    scenarios: Sequence[str], *, planners: Sequence[str] = (), vary: Sequence[str] = (), runs: int = 1, seed: int | None = None
+    scenarios: Sequence[str],
+    *,
+    planners: Sequence[str] = (),
+    vary: Sequence[str] = (),
+    runs: int = 1,
+    seed: int | None = None,
 ) -> tuple[Cell, ...]:
     """Check every combination before anything is flown.
 
@@ -73,10 +78,14 @@ def plan_cells(
         plain = load(source)
         name, base = plain.table.name, key_of(content_of(plain))
         if named.setdefault(name, (source, base))[1] != base:
-            raise ObsplanError(f'{named[name][0]} and {source} differ but are both named "{name}"; change `name` in one of them')
+            raise ObsplanError(
+                f'{named[name][0]} and {source} differ but are both named "{name}"; change `name` in one of them'
+            )
         seeds = seeds_of(plain.table.seed if seed is None else seed, runs)
         for planner, settings in product(dict.fromkeys(planners) or (None,), grid):
-            cell = cell_of(loaded(source, planner, settings), base=base, settings=settings, seeds=seeds)
+            cell = cell_of(
+                loaded(source, planner, settings), base=base, settings=settings, seeds=seeds
+            )
             cells.setdefault(cell.key, cell)
     return tuple(cells.values())
 
@@ -86,9 +95,13 @@ def values_of(text: str) -> list[str]:
     key, equals, values = text.partition("=")
     pieces = split(values)
     if not equals or not key.strip() or not all(piece.strip() for piece in pieces):
-        raise ObsplanError(f'--vary "{text}" lacks a key or a value; write table.key=a,b,c, for example cna.speed=1.0,1.5,2.0')
+        raise ObsplanError(
+            f'--vary "{text}" lacks a key or a value; write table.key=a,b,c, for example cna.speed=1.0,1.5,2.0'
+        )
     if key.strip() in NOT_TO_VARY:
-        raise ObsplanError(f'--vary "{text}": {key.strip()} is not a setting to vary; {NOT_TO_VARY[key.strip()]}')
+        raise ObsplanError(
+            f'--vary "{text}": {key.strip()} is not a setting to vary; {NOT_TO_VARY[key.strip()]}'
+        )
     return [f"{key.strip()}={piece.strip()}" for piece in pieces]
 
 
@@ -108,7 +121,9 @@ def split(values: str) -> list[str]:
 def seeds_of(first: int, runs: int) -> range:
     """The seeds of a campaign."""
     if first + runs - 1 > GREATEST_SEED:
-        raise ObsplanError(f"seed {first + runs - 1} is beyond {GREATEST_SEED}; give a smaller --seed")
+        raise ObsplanError(
+            f"seed {first + runs - 1} is beyond {GREATEST_SEED}; give a smaller --seed"
+        )
     return range(first, first + runs)
 
 
@@ -136,7 +151,11 @@ def cell_of(scenario: Scenario, *, base: str, settings: Sequence[str], seeds: ra
 
 def content_of(scenario: Scenario) -> str:
     """All that decides a mission but its seed: the same text wherever the scenario came from."""
-    data = {key: value for key, value in scenario.resolved().items() if key not in ("description", "seed")}
+    data = {
+        key: value
+        for key, value in scenario.resolved().items()
+        if key not in ("description", "seed")
+    }
     return json.dumps(data, sort_keys=True, separators=(",", ":"))
 
 

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CONFIDENCE = 0.95
-RESAMPLES = 2000  # of the bootstrap: the ends of a 95 % interval are its 50th value from either side
+RESAMPLES = (
+    2000  # of the bootstrap: the ends of a 95 % interval are its 50th value from either side
+)
 AT_ONCE = 10_000_000  # numbers the bootstrap holds in memory
 SEED = 0  # of the bootstrap: the same table gives the same intervals
 
@@ -38,9 +40,15 @@ def medians(table: "pd.DataFrame", by: list[str] | None = None) -> "pd.DataFrame
     rows = []
     for labels, group in table.groupby(by, dropna=False, sort=True):
         failed = int((group["status"] == "failed").sum())
-        row: dict[str, Any] = {**dict(zip(by, labels, strict=True)), "missions": len(group), "failed": failed}
+        row: dict[str, Any] = {
+            **dict(zip(by, labels, strict=True)),
+            "missions": len(group),
+            "failed": failed,
+        }
         for figure in FIGURES:
-            row[figure], row[f"{figure}_low"], row[f"{figure}_high"] = median_interval(group[figure].dropna().to_numpy())
+            row[figure], row[f"{figure}_low"], row[f"{figure}_high"] = median_interval(
+                group[figure].dropna().to_numpy()
+            )
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -80,7 +88,17 @@ def paired(table: "pd.DataFrame", figure: str = "rms_error_m") -> "pd.DataFrame"
         by_seed = group.pivot_table(index="seed", columns="planner", values=figure, observed=True)
         for one, other in combinations(by_seed.columns, 2):
             d = (by_seed[one] - by_seed[other]).dropna().to_numpy()
-            rows.append([*labels, one, other, d.size, *median_interval(d), float(np.mean(d < 0)) if d.size else np.nan, signed_rank_p(d)])
+            rows.append(
+                [
+                    *labels,
+                    one,
+                    other,
+                    d.size,
+                    *median_interval(d),
+                    float(np.mean(d < 0)) if d.size else np.nan,
+                    signed_rank_p(d),
+                ]
+            )
     compared = pd.DataFrame(rows, columns=columns)
     return compared.assign(p_holm=holm(compared["p"].to_numpy(dtype=float)))
 

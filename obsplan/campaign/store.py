@@ -20,7 +20,15 @@ from obsplan.types import ObsplanError
 FILE = "campaign.sqlite"
 PATIENCE = 600.0  # [s] to wait for another campaign's commit or export
 BLOCK = 10_000  # seeds or rows looked at together: memory does not grow with the campaign
-FIGURES = ("rms_error_m", "max_error_m", "mean_nees", "pcrb_rms_m", "separation_mean_m", "separation_max_m", "violation_max_m")
+FIGURES = (
+    "rms_error_m",
+    "max_error_m",
+    "mean_nees",
+    "pcrb_rms_m",
+    "separation_mean_m",
+    "separation_max_m",
+    "violation_max_m",
+)
 
 LAYOUT = (
     "CREATE TABLE scenario (name TEXT PRIMARY KEY, base TEXT NOT NULL)",  # as last planned
@@ -31,7 +39,9 @@ LAYOUT = (
        {", ".join(f"{name} REAL" for name in FIGURES)}, auv TEXT NOT NULL, status_counts TEXT NOT NULL,
        PRIMARY KEY (cell, seed)) WITHOUT ROWID""",
 )
-FORMAT = zlib.crc32("".join(LAYOUT).encode()) >> 1  # how the file says that it is ours, and in this layout
+FORMAT = (
+    zlib.crc32("".join(LAYOUT).encode()) >> 1
+)  # how the file says that it is ours, and in this layout
 COLUMNS = ("cell", "seed", "error", *FIGURES, "auv", "status_counts")
 # a success stays; a failure gives way to the next attempt
 ADD = f"""INSERT INTO mission ({", ".join(COLUMNS)}) VALUES ({", ".join("?" * len(COLUMNS))})
@@ -71,7 +81,9 @@ class Store:
             if self._one("PRAGMA application_id") == FORMAT:  # another campaign was quicker
                 return
             if self._one("SELECT count(*) FROM sqlite_master"):
-                raise ObsplanError(f"{self.path} is not a store of this version's campaigns; choose another folder")
+                raise ObsplanError(
+                    f"{self.path} is not a store of this version's campaigns; choose another folder"
+                )
             for statement in (*LAYOUT, f"PRAGMA application_id = {FORMAT}"):
                 self._connection.execute(statement)
 
@@ -83,7 +95,10 @@ class Store:
     def _enter(self, cell: Cell) -> int:
         run = self._connection.execute
         run("INSERT OR REPLACE INTO scenario VALUES (?, ?)", (cell.scenario, cell.base))
-        self._connection.executemany("INSERT OR IGNORE INTO varied VALUES (?)", [(setting.partition("=")[0],) for setting in cell.settings])
+        self._connection.executemany(
+            "INSERT OR IGNORE INTO varied VALUES (?)",
+            [(setting.partition("=")[0],) for setting in cell.settings],
+        )
         named = "INSERT INTO cell (key, base, scenario, planner, content) VALUES (?, ?, ?, ?, ?) ON CONFLICT (key) DO UPDATE SET base = ?"
         run(named, (cell.key, cell.base, cell.scenario, cell.planner, cell.content, cell.base))
         return int(self._one("SELECT id FROM cell WHERE key = ?", cell.key))
@@ -92,19 +107,30 @@ class Store:
         """Seeds not yet flown, or flown in vain, looked up a block at a time."""
         for start in range(seeds.start, seeds.stop, BLOCK):
             block = range(start, min(start + BLOCK, seeds.stop))
-            done = "SELECT seed FROM mission WHERE cell = ? AND seed BETWEEN ? AND ? AND error IS NULL"
+            done = (
+                "SELECT seed FROM mission WHERE cell = ? AND seed BETWEEN ? AND ? AND error IS NULL"
+            )
             there = {seed for (seed,) in self._all(done, cell, block[0], block[-1])}
             yield from (seed for seed in block if seed not in there)
 
     def count(self, cell: int, seeds: range) -> int:
         """Number of missions flown with success."""
-        done = "SELECT count(*) FROM mission WHERE cell = ? AND seed BETWEEN ? AND ? AND error IS NULL"
+        done = (
+            "SELECT count(*) FROM mission WHERE cell = ? AND seed BETWEEN ? AND ? AND error IS NULL"
+        )
         return int(self._all(done, cell, seeds[0], seeds[-1])[0][0])
 
     def add(self, flown: Sequence[tuple[int, Outcome]]) -> None:
         """Keep outcomes of missions of cells, all or none."""
         rows = [
-            (cell, o.seed, o.error, *(o.figures.get(name) for name in FIGURES), o.auv, o.status_counts)  # of a failure there are none
+            (
+                cell,
+                o.seed,
+                o.error,
+                *(o.figures.get(name) for name in FIGURES),
+                o.auv,
+                o.status_counts,
+            )  # of a failure there are none
             for cell, o in flown
         ]
         with self._explained(), self._transaction():
@@ -118,7 +144,10 @@ class Store:
     def current_cells(self) -> list[tuple[int, str, str, dict[str, Any]]]:
         """Number, scenario, planner and content of the cells whose scenarios are still as last planned."""
         rows = self._all(f"SELECT id, cell.scenario, planner, content FROM {CURRENT}")
-        return [(number, scenario, planner, json.loads(content)) for number, scenario, planner, content in rows]
+        return [
+            (number, scenario, planner, json.loads(content))
+            for number, scenario, planner, content in rows
+        ]
 
     def varied_keys(self) -> list[str]:
         """Keys that were ever varied, in order."""
@@ -166,7 +195,9 @@ class Store:
         try:
             yield
         except sqlite3.Error as error:
-            raise ObsplanError(f"{self.path}: {error}; {remedy(getattr(error, 'sqlite_errorname', ''))}") from error
+            raise ObsplanError(
+                f"{self.path}: {error}; {remedy(getattr(error, 'sqlite_errorname', ''))}"
+            ) from error
 
 
 def remedy(fault: str) -> str:
@@ -180,4 +211,7 @@ def remedy(fault: str) -> str:
         "SQLITE_NOTADB": "this file is no campaign's: choose another folder",
         "SQLITE_BUSY": "another program keeps it locked: end that one",
     }
-    return next((advice for name, advice in known.items() if fault.startswith(name)), "choose another folder, or a copy of this file")
+    return next(
+        (advice for name, advice in known.items() if fault.startswith(name)),
+        "choose another folder, or a copy of this file",
+    )

@@ -44,7 +44,9 @@ def load_campaign(folder: Path | str) -> "pd.DataFrame":
 def existing_store(folder: Path) -> Store:
     """The store in a campaign's folder, which must be there."""
     if not (folder / FILE).is_file():
-        raise ObsplanError(f"{folder} has no campaign; give the folder that `obsplan campaign --out` made")
+        raise ObsplanError(
+            f"{folder} has no campaign; give the folder that `obsplan campaign --out` made"
+        )
     return Store(folder)
 
 
@@ -58,9 +60,16 @@ def export(store: Store, folder: Path) -> None:
     """
     import pyarrow.parquet as pq
 
-    with store.frozen(), replacing(folder / PARQUET) as parquet_path, replacing(folder / CSV) as csv_path:
+    with (
+        store.frozen(),
+        replacing(folder / PARQUET) as parquet_path,
+        replacing(folder / CSV) as csv_path,
+    ):
         table = Layout.of(store)
-        with pq.ParquetWriter(parquet_path, table.schema()) as parquet, csv_path.open("w", encoding="utf-8", newline="") as text:
+        with (
+            pq.ParquetWriter(parquet_path, table.schema()) as parquet,
+            csv_path.open("w", encoding="utf-8", newline="") as text,
+        ):
             lines = csv.writer(text, lineterminator="\n")
             lines.writerow(table.names)
             for batch in table.batches(store):
@@ -77,7 +86,9 @@ def replacing(path: Path) -> Iterator[Path]:
         part.replace(path)
     except OSError as error:
         reason = error.strerror or error
-        raise ObsplanError(f"{path} cannot be written ({reason}): free some space or make the folder writable, and repeat") from error
+        raise ObsplanError(
+            f"{path} cannot be written ({reason}): free some space or make the folder writable, and repeat"
+        ) from error
     finally:
         with suppress(OSError):  # replaced, or never there
             part.unlink()
@@ -88,7 +99,9 @@ class Layout:
     """Columns of the table, and its cells in order, each with its labels."""
 
     varied: tuple[str, ...]
-    cells: tuple[tuple[int, tuple[Any, ...]], ...]  # number in the store; scenario, planner, value of each varied key
+    cells: tuple[
+        tuple[int, tuple[Any, ...]], ...
+    ]  # number in the store; scenario, planner, value of each varied key
 
     @classmethod
     def of(cls, store: Store) -> "Layout":
@@ -99,9 +112,17 @@ class Layout:
             for cell, scenario, planner, content in store.current_cells()
         ]
         labels = list(zip(*(label for _, label in cells), strict=True))
-        columns = [labels[0], labels[1], *(uniform(column) for column in labels[2:])] if cells else []
-        tidy = [(cell, label) for (cell, _), label in zip(cells, zip(*columns, strict=True), strict=True)]
-        return cls(varied=varied, cells=tuple(sorted(tidy, key=lambda one: [(value is None, value) for value in one[1]])))
+        columns = (
+            [labels[0], labels[1], *(uniform(column) for column in labels[2:])] if cells else []
+        )
+        tidy = [
+            (cell, label)
+            for (cell, _), label in zip(cells, zip(*columns, strict=True), strict=True)
+        ]
+        return cls(
+            varied=varied,
+            cells=tuple(sorted(tidy, key=lambda one: [(value is None, value) for value in one[1]])),
+        )
 
     @property
     def names(self) -> list[str]:
@@ -117,7 +138,13 @@ class Layout:
             return pa.string() if any(isinstance(value, str) for value in column) else pa.float64()
 
         labels = [(name, kind(i)) for i, name in enumerate((*LABELS, *self.varied))]
-        rest = [(name, pa.float64() if name in FIGURES else pa.int64() if name == "seed" else pa.string()) for name in REST]
+        rest = [
+            (
+                name,
+                pa.float64() if name in FIGURES else pa.int64() if name == "seed" else pa.string(),
+            )
+            for name in REST
+        ]
         return pa.schema([*labels, *rest])
 
     def batches(self, store: Store) -> "Iterator[pa.RecordBatch]":
@@ -132,7 +159,13 @@ class Layout:
         )
         while block := list(islice(rows, BLOCK)):
             columns = zip(*block, strict=True)
-            yield pa.record_batch([pa.array(column, kind) for column, kind in zip(columns, schema.types, strict=True)], schema=schema)
+            yield pa.record_batch(
+                [
+                    pa.array(column, kind)
+                    for column, kind in zip(columns, schema.types, strict=True)
+                ],
+                schema=schema,
+            )
 
 
 def look_up(content: Any, key: str) -> Any:
@@ -150,4 +183,6 @@ def uniform(column: Sequence[Any]) -> list[Any]:
     given = [value for value in column if value is not None]
     if all(isinstance(value, int | float) and not isinstance(value, bool) for value in given):
         return [None if value is None else float(value) for value in column]
-    return [value if value is None or isinstance(value, str) else json.dumps(value) for value in column]
+    return [
+        value if value is None or isinstance(value, str) else json.dumps(value) for value in column
+    ]

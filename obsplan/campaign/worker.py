@@ -14,7 +14,9 @@ from obsplan.scenario import from_dict
 from obsplan.simulation import ClosedLoop
 
 CELLS_KEPT = 8  # compiled loops a worker keeps
-ALONE = threading.Lock()  # one mission at a time in a process, however many threads the worker was given
+ALONE = (
+    threading.Lock()
+)  # one mission at a time in a process, however many threads the worker was given
 
 
 class Outcome(NamedTuple):

@@ -43,7 +43,9 @@ class Ekf:
         F = jacobian(lambda s: self.f(s, u), x)
         return self.f(x, u), symmetric(F @ P @ F.T + self.Q)
 
-    def update(self, x: ca.SX, P: ca.SX, z: ca.SX, sensor: Sensor, beacon: ca.SX) -> tuple[ca.SX, ca.SX]:
+    def update(
+        self, x: ca.SX, P: ca.SX, z: ca.SX, sensor: Sensor, beacon: ca.SX
+    ) -> tuple[ca.SX, ca.SX]:
         """Mean and covariance after the scalar measurement z."""
         H = jacobian(lambda s: sensor.measure(s, beacon), x)
         innovation = z - sensor.measure(x, beacon)
@@ -52,7 +54,9 @@ class Ekf:
         R = sensor.sigma**2
         K = P @ H.T / (H @ P @ H.T + R)
         A = ca.SX.eye(x.numel()) - K @ H
-        return x + K * innovation, symmetric(A @ P @ A.T + R * K @ K.T)  # Joseph form: P stays positive semidefinite
+        return x + K * innovation, symmetric(
+            A @ P @ A.T + R * K @ K.T
+        )  # Joseph form: P stays positive semidefinite
 
 
 def symmetric(P: ca.SX) -> ca.SX:

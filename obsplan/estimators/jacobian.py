@@ -15,7 +15,9 @@ def jacobian(f: Callable[[ca.SX], ca.SX], x: ca.SX) -> ca.SX:
     return ca.substitute(ca.jacobian(f(s), s), s, x)
 
 
-def transitions(model: Any, states: Float[np.ndarray, "steps n"], dt: float) -> Float[np.ndarray, "steps n n"]:
+def transitions(
+    model: Any, states: Float[np.ndarray, "steps n"], dt: float
+) -> Float[np.ndarray, "steps n n"]:
     """Jacobian of a model's ``step(x, u, dt)`` at each state of a trajectory, without control."""
     steps, n = states.shape
     x, F = np.ascontiguousarray(states, dtype=float), np.empty((steps, n, n))

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from obsplan.missions.geojson import read_geojson, write_geojson
-from obsplan.missions.mission import Mission, to_local
+from obsplan.missions.mission import Area, Mission, Track, to_local
 from obsplan.missions.plan import read_plan
 from obsplan.missions.table import read_csv
 from obsplan.missions.waypoints import write_waypoints
@@ -22,7 +22,17 @@ WRITERS: dict[str, Callable[[Path | str, Mission], object]] = {
     ".waypoints": write_waypoints,
 }
 
-__all__ = ["READERS", "WRITERS", "Mission", "read_mission", "to_local", "write_geojson", "write_waypoints"]
+__all__ = [
+    "READERS",
+    "WRITERS",
+    "Area",
+    "Mission",
+    "Track",
+    "read_mission",
+    "to_local",
+    "write_geojson",
+    "write_waypoints",
+]
 
 
 def read_mission(path: Path | str) -> Mission:
@@ -38,8 +48,16 @@ def read_mission(path: Path | str) -> Mission:
     if reader is None:
         near = difflib.get_close_matches(path.suffix.lower(), READERS, n=1)
         hint = f'did you mean "{near[0]}"? ' if near else ""
-        raise ObsplanError(f'{path} has the unknown suffix "{path.suffix}": {hint}mission files end in {", ".join(sorted(READERS))}')
+        raise ObsplanError(
+            f'{path} has the unknown suffix "{path.suffix}": {hint}mission files end in {", ".join(sorted(READERS))}'
+        )
     try:
-        return reader(path)
+        mission = reader(path)
     except RecursionError as error:
-        raise ObsplanError(f"{path} is nested too deeply to be a mission: export it again") from error
+        raise ObsplanError(
+            f"{path} is nested too deeply to be a mission: export it again"
+        ) from error
+    if not mission.tracks:
+        why = f" ({mission.remarks[0]})" if mission.remarks else ""
+        raise ObsplanError(f"{path} holds no line to follow{why}: draw the survey as a line")
+    return mission

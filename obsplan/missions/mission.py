@@ -1,10 +1,9 @@
-"""What a mission file holds: named tracks, geographic or local."""
+"""What a mission file holds: tracks, limits, a home, and what of the file was passed over."""
 
 import math
 import reprlib
 from collections.abc import Iterable
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,48 +14,102 @@ from obsplan import geo
 from obsplan.types import ObsplanError
 
 FARTHEST = 100e3  # [m]; beyond it the origin is a mistake, and a tangent plane no longer a map
+REPEATED = 1e-3  # [m]; nearer than this, two points are one place
 
 Point = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Mission:
-    """Named tracks, all of one kind: latitude and longitude [degrees, WGS 84], or east and north [m]."""
+class Track:
+    """A line to follow from vertex to vertex, and what the file says of each; None where it says nothing.
 
-    tracks: dict[str, Float[np.ndarray, "_ 2"]]
+    ``points`` are latitude and longitude [degrees, WGS 84], or east and north [m], as the mission says.
+    """
+
+    points: Float[np.ndarray, "n 2"]
+    altitude: Float[np.ndarray, " n"] | None = None  # [m], upwards; the file's own datum
+    speed: Float[np.ndarray, " legs"] | None = None  # on each leg [m/s]; nan where not said
+    hold: Float[np.ndarray, " n"] | None = None  # time kept at each vertex [s]
+    time: Float[np.ndarray, " n"] | None = None  # at each vertex, from the first [s]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Area:
+    """A closed area: a polygon by its corners, not repeated, or a circle by its centre and radius [m]."""
+
+    points: Float[np.ndarray, "n 2"]  # in the mission's coordinates; one for a circle
+    radius: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Mission:
+    """Named tracks and limits, all latitude and longitude [degrees, WGS 84], or all east and north [m].
+
+    ``remarks`` say in one sentence each what the file holds that was passed over, or changed, and why.
+    """
+
+    tracks: dict[str, Track]
     geographic: bool
-    home: Point | None = None  # latitude and longitude [degrees] of the planned launch, where the file has one
+    home: Point | None = None  # latitude and longitude [degrees] of the planned launch
+    keep_outs: tuple[Area, ...] = ()  # not to be entered
+    geofences: tuple[Area, ...] = ()  # not to be left: all of them hold
+    remarks: tuple[str, ...] = ()
 
     @property
     def origin(self) -> Point | None:
-        """Where to put the origin [degrees]: at home, else at the first vertex; None if the tracks are local already."""
+        """Where to put the origin [degrees]; None if the tracks are local.
+
+        It is the home, unless that is a placeholder farther than `FARTHEST` from every vertex: then the first vertex.
+        """
         if not self.geographic:
             return None
-        lat, lon = self.home or next(iter(self.tracks.values()))[0]
+        vertices = np.concatenate([track.points for track in self.tracks.values()])
+        if self.home is not None and geo.distance(np.array(self.home), vertices).min() <= FARTHEST:
+            return self.home
+        lat, lon = vertices[0]
         return float(lat), float(lon)
 
 
 def to_local(mission: Mission, origin: Point | None = None) -> Mission:
-    """Turn a mission into east and north [m] about an origin [degrees], by default `Mission.origin`; one that is local stays as it is.
+    """Turn a mission into east and north [m] about an origin [degrees], by default `Mission.origin`.
+
+    A mission that is local stays as it is.
 
     Raises
     ------
     ObsplanError
-        A track farther than `FARTHEST` from the origin.
+        A track or a limit farther than `FARTHEST` from the origin, on the ellipsoid.
     """
     default = mission.origin
     if default is None:
         return mission
     origin = origin or default
-    tracks = {name: geo.to_local(track, origin) for name, track in mission.tracks.items()}
-    for name, track in tracks.items():
-        distance = np.hypot(track[:, 0], track[:, 1]).max()
-        if not distance <= FARTHEST:
-            raise ObsplanError(
-                f'track "{name}" lies {distance / 1e3:.0f} km from the origin at latitude {origin[0]}, longitude {origin[1]} degrees: '
-                f"move the origin to the survey, for example to {default}"
-            )
-    return Mission(tracks=tracks, geographic=False)
+    for name, track in mission.tracks.items():
+        _check_near(f'track "{name}"', track.points, origin, default)
+    for area in (*mission.keep_outs, *mission.geofences):
+        _check_near("a limit", area.points, origin, default)
+
+    def local(part: Any) -> Any:
+        return replace(part, points=geo.to_local(part.points, origin))
+
+    return replace(
+        mission,
+        tracks={name: local(track) for name, track in mission.tracks.items()},
+        keep_outs=tuple(local(area) for area in mission.keep_outs),
+        geofences=tuple(local(area) for area in mission.geofences),
+        geographic=False,
+        home=None,
+    )
+
+
+def _check_near(what: str, points: Float[np.ndarray, "n 2"], origin: Point, default: Point) -> None:
+    """Refuse points that are on another map."""
+    distance = geo.distance(np.array(origin), points).max()
+    if not distance <= FARTHEST:
+        raise ObsplanError(
+            f"{what} lies {distance / 1e3:.0f} km from the origin at latitude {origin[0]}, longitude {origin[1]} degrees: "
+            f"move the origin to the survey, for example to {default}"
+        )
 
 
 def check_number(value: Any, where: str) -> float:
@@ -74,12 +127,14 @@ def check_number(value: Any, where: str) -> float:
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        raise ObsplanError(f"{where} must be a finite number, got {number}: correct it or remove the point")
+        raise ObsplanError(
+            f"{where} must be a finite number, got {number}: correct it or remove the point"
+        )
     return number
 
 
 def check_latlon(lat: float, lon: float, where: str, order: str) -> Point:
-    """Return a latitude and longitude [degrees] that are on Earth.
+    """Return a latitude and longitude [degrees] that are on Earth; longitudes from -180 to 360 are wrapped to ±180.
 
     Raises
     ------
@@ -87,35 +142,94 @@ def check_latlon(lat: float, lon: float, where: str, order: str) -> Point:
         Out of range; says so if they look swapped, `order` being how this format has them.
     """
     if abs(lat) > 90 and abs(lon) <= 90 and abs(lat) <= 180:
-        raise ObsplanError(f"{where} has latitude {lat} and longitude {lon}, which look swapped: {order}")
+        raise ObsplanError(
+            f"{where} has latitude {lat} and longitude {lon}, which look swapped: {order}"
+        )
     if abs(lat) > 90:
-        raise ObsplanError(f"{where} has latitude {lat}, beyond 90 degrees: give WGS 84 degrees, not metres of a map projection")
-    if abs(lon) > 180:
-        raise ObsplanError(f"{where} has longitude {lon}, beyond 180 degrees: give WGS 84 degrees from -180 to 180")
-    return lat, lon
+        raise ObsplanError(
+            f"{where} has latitude {lat}, beyond 90 degrees: give WGS 84 degrees, not metres of a map projection"
+        )
+    if abs(lon) > 360:
+        raise ObsplanError(
+            f"{where} has longitude {lon}, beyond 360 degrees: give WGS 84 degrees from -180 to 180"
+        )
+    return lat, lon if abs(lon) <= 180 else lon - math.copysign(360.0, lon)
 
 
-def name_tracks(path: Path, tracks: Iterable[tuple[str | None, list[Point]]]) -> dict[str, Float[np.ndarray, "_ 2"]]:
+@dataclass(slots=True, kw_only=True)
+class Draft:
+    """A track as a reader finds it, vertex by vertex, before repeated places are joined."""
+
+    name: str | None = None
+    points: list[Point]
+    altitude: list[float] | None = None  # as in `Track`
+    speed: list[float] | None = (
+        None  # towards each vertex, the first one's unused [m/s]; nan: not said
+    )
+    hold: list[float] | None = None
+    time: list[float] | None = None
+
+
+def named_tracks(
+    path: Path, drafts: Iterable[Draft], *, geographic: bool
+) -> tuple[dict[str, Track], tuple[str, ...]]:
     """Collect tracks under unique names: their own, else the file's, numbered from 2 where one is taken.
+
+    Places repeated one after the other are one vertex: their holds add up. A track of fewer than two places is passed over.
+
+    Returns
+    -------
+    The tracks, and a remark for each that was passed over.
 
     Raises
     ------
     ObsplanError
-        A name that cannot be printed, a track of fewer than two points, or two identical consecutive ones, counted from 1.
+        A name that cannot be printed.
     """
-    named: dict[str, np.ndarray] = {}
-    for own, points in tracks:
-        base = own or path.stem
+    named: dict[str, Track] = {}
+    remarks: list[str] = []
+    for draft in drafts:
+        base = (draft.name or "").strip() or path.stem
         if not base.isprintable():
-            raise ObsplanError(f"{path}: the track name {base!r} cannot be printed: rename the track")
+            raise ObsplanError(
+                f"{path}: the track name {base!r} cannot be printed: rename the track"
+            )
         name, count = base, 1
         while name in named:
             count += 1
             name = f"{base}-{count}"
-        if len(points) < 2:
-            raise ObsplanError(f'{path}: track "{name}" needs at least two points, got {len(points)}: add points or remove the track')
-        for i, (a, b) in enumerate(pairwise(points), start=1):
-            if a == b:
-                raise ObsplanError(f'{path}: points {i} and {i + 1} of track "{name}" are identical, at {a}: remove one of them')
-        named[name] = np.array(points)
-    return named
+        track = _joined(draft, geographic)
+        if track is None:
+            places = "no place" if not draft.points else "a single place"
+            remarks.append(f'track "{base}" has {places}, and no line: passed over')
+        else:
+            named[name] = track
+    return named, tuple(remarks)
+
+
+def _joined(draft: Draft, geographic: bool) -> Track | None:
+    """A track of a draft, consecutive vertices at one place joined; None if fewer than two are left."""
+    points = np.array(draft.points, dtype=float).reshape(-1, 2)
+    if len(points) < 2:
+        return None
+    moved = (
+        geo.distance(points[:-1], points[1:])
+        if geographic
+        else np.hypot(*np.diff(points, axis=0).T)
+    )
+    first = np.flatnonzero(np.append(True, moved > REPEATED))
+    if len(first) < 2:
+        return None
+
+    def pick(values: list[float] | None) -> np.ndarray | None:
+        return None if values is None else np.array(values, dtype=float)[first]
+
+    speed = pick(draft.speed)
+    hold = None if draft.hold is None else np.add.reduceat(np.array(draft.hold, dtype=float), first)
+    return Track(
+        points=points[first],
+        altitude=pick(draft.altitude),
+        speed=None if speed is None or np.isnan(speed[1:]).all() else speed[1:],
+        hold=None if hold is None or not hold.any() else hold,
+        time=pick(draft.time),
+    )

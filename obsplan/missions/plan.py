@@ -5,14 +5,29 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from obsplan.missions.mission import Mission, Point, check_latlon, check_number, name_tracks
+from obsplan.missions.mission import Draft, Mission, Point, check_latlon, check_number, named_tracks
 from obsplan.missions.source import read_json
 from obsplan.types import ObsplanError
 
 # MAV_CMD numbers of the MAVLink common message set
-_NAVIGATION = {16: "waypoint", 17: "loiter", 18: "loiter turns", 19: "loiter time", 21: "land", 22: "take-off", 82: "spline waypoint"}
+_NAVIGATION = {
+    16: "waypoint",
+    17: "loiter",
+    18: "loiter turns",
+    19: "loiter time",
+    21: "land",
+    22: "take-off",
+    82: "spline waypoint",
+}
 _JUMP = 177
-_GLOBAL_FRAMES = (0, 3, 5, 6, 10, 11)  # MAV_FRAME_GLOBAL and its relatives, which differ in altitude only
+_GLOBAL_FRAMES = (
+    0,
+    3,
+    5,
+    6,
+    10,
+    11,
+)  # MAV_FRAME_GLOBAL and its relatives, which differ in altitude only
 _ORDER = "QGroundControl has latitude in params[4], longitude in params[5]"
 
 
@@ -29,16 +44,27 @@ def read_plan(path: Path | str) -> Mission:
     path = Path(path)
     content = read_json(path)
     if content.get("fileType") != "Plan":
-        hint = "rename it to .geojson" if "features" in content or "coordinates" in content else "save it from QGroundControl's Plan view"
-        raise ObsplanError(f'{path} is not a QGroundControl plan ("fileType" is {reprlib.repr(content.get("fileType"))}): {hint}')
+        hint = (
+            "rename it to .geojson"
+            if "features" in content or "coordinates" in content
+            else "save it from QGroundControl's Plan view"
+        )
+        raise ObsplanError(
+            f'{path} is not a QGroundControl plan ("fileType" is {reprlib.repr(content.get("fileType"))}): {hint}'
+        )
     mission = content.get("mission")
     items = mission.get("items") if isinstance(mission, dict) else None
     if not isinstance(mission, dict) or not isinstance(items, list):
-        raise ObsplanError(f"{path} has no list mission.items: save it again from QGroundControl's Plan view")
+        raise ObsplanError(
+            f"{path} has no list mission.items: save it again from QGroundControl's Plan view"
+        )
     points = list(_positions(items, f"{path}: mission.items"))
     if not points:
-        raise ObsplanError(f"{path}: mission.items holds no waypoint: add the survey's waypoints in QGroundControl")
-    return Mission(tracks=name_tracks(path, [(None, points)]), geographic=True, home=_home(mission, path))
+        raise ObsplanError(
+            f"{path}: mission.items holds no waypoint: add the survey's waypoints in QGroundControl"
+        )
+    tracks, remarks = named_tracks(path, [Draft(points=points)], geographic=True)
+    return Mission(tracks=tracks, geographic=True, home=_home(mission, path), remarks=remarks)
 
 
 def _home(mission: dict[str, Any], path: Path) -> Point | None:
@@ -52,7 +78,9 @@ def _positions(items: list[Any], where: str) -> Iterator[Point]:
     for i, item in enumerate(items):
         place = f"{where}[{i}]"
         if not isinstance(item, dict):
-            raise ObsplanError(f"{place} must be an object, got {type(item).__name__}: save the plan again")
+            raise ObsplanError(
+                f"{place} must be an object, got {type(item).__name__}: save the plan again"
+            )
         if item.get("type") == "ComplexItem":
             yield from _pattern(item, place)
         elif item.get("type") == "SimpleItem":
@@ -67,7 +95,9 @@ def _simple(item: dict[str, Any], where: str) -> Iterator[Point]:
     """Position of a navigation item; none for an action."""
     command = item.get("command")
     if command == _JUMP:
-        raise ObsplanError(f"{where} is a jump (command {_JUMP}), which repeats waypoints: write the repeated waypoints out")
+        raise ObsplanError(
+            f"{where} is a jump (command {_JUMP}), which repeats waypoints: write the repeated waypoints out"
+        )
     if not isinstance(command, int) or command not in _NAVIGATION:
         return
     if item.get("frame", _GLOBAL_FRAMES[0]) not in _GLOBAL_FRAMES:
@@ -87,7 +117,9 @@ def _stored_position(item: dict[str, Any], where: str) -> tuple[list[Any], str]:
         values = item.get(key)
         if isinstance(values, list) and len(values) >= first + 2:
             return values[first : first + 2], f"{where}.{key}[{first}:{first + 2}]"
-    raise ObsplanError(f"{where}.params must be a list of seven numbers, got {reprlib.repr(item.get('params'))}: save the plan again")
+    raise ObsplanError(
+        f"{where}.params must be a list of seven numbers, got {reprlib.repr(item.get('params'))}: save the plan again"
+    )
 
 
 def _pattern(item: dict[str, Any], where: str) -> Iterator[Point]:
@@ -95,20 +127,30 @@ def _pattern(item: dict[str, Any], where: str) -> Iterator[Point]:
     transects = item.get("TransectStyleComplexItem", item)
     if isinstance(transects, dict):
         place = f"{where}.TransectStyleComplexItem"
-        points = list(_positions(transects["Items"], f"{place}.Items")) if isinstance(transects.get("Items"), list) else []
+        points = (
+            list(_positions(transects["Items"], f"{place}.Items"))
+            if isinstance(transects.get("Items"), list)
+            else []
+        )
         drawn = transects.get("VisualTransectPoints")
         if not points and isinstance(drawn, list):
-            points = [_pair(point, f"{place}.VisualTransectPoints[{i}]") for i, point in enumerate(drawn)]
+            points = [
+                _pair(point, f"{place}.VisualTransectPoints[{i}]") for i, point in enumerate(drawn)
+            ]
         if points:
             yield from points
             return
     kind = reprlib.repr(item.get("complexItemType"))
-    raise ObsplanError(f"{where} is a pattern ({kind}) with no path stored in the file: replace it by a survey, a corridor or waypoints")
+    raise ObsplanError(
+        f"{where} is a pattern ({kind}) with no path stored in the file: replace it by a survey, a corridor or waypoints"
+    )
 
 
 def _pair(values: Any, where: str) -> Point:
     """Latitude and longitude [degrees] at the start of a list."""
     if not isinstance(values, list) or len(values) < 2:
-        raise ObsplanError(f"{where} must be [latitude, longitude], got {reprlib.repr(values)}: correct it")
+        raise ObsplanError(
+            f"{where} must be [latitude, longitude], got {reprlib.repr(values)}: correct it"
+        )
     lat, lon = (check_number(value, where) for value in values[:2])
     return check_latlon(lat, lon, where, _ORDER)

@@ -24,7 +24,9 @@ def read_text(path: Path) -> str:
         raise ObsplanError(f"{path} does not exist: {_suggest(path)}") from error
     except UnicodeDecodeError as error:
         byte = f"byte 0x{error.object[error.start]:02x} at position {error.start}"
-        raise ObsplanError(f"{path} is not UTF-8 text ({byte}): it is not what its extension says, export it again") from error
+        raise ObsplanError(
+            f"{path} is not UTF-8 text ({byte}): it is not what its extension says, export it again"
+        ) from error
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
         raise ObsplanError(
             f"{path} cannot be read ({getattr(error, 'strerror', None) or error}): check its name and permissions"
@@ -56,9 +58,15 @@ def read_json(path: Path) -> dict[str, Any]:
         content = json.loads(text)
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}: {error.msg}"
-        raise ObsplanError(f"{path} is not valid JSON ({place}): it may be cut short, export it again") from error
+        raise ObsplanError(
+            f"{path} is not valid JSON ({place}): it may be cut short, export it again"
+        ) from error
     except ValueError as error:  # a number of thousands of digits
-        raise ObsplanError(f"{path} is not JSON that can be read ({error}): export it again") from error
+        raise ObsplanError(
+            f"{path} is not JSON that can be read ({error}): export it again"
+        ) from error
     if not isinstance(content, dict):
-        raise ObsplanError(f"{path} holds a JSON {type(content).__name__} where an object is expected: export it again")
+        raise ObsplanError(
+            f"{path} holds a JSON {type(content).__name__} where an object is expected: export it again"
+        )
     return content

@@ -11,7 +11,10 @@ from obsplan.missions.mission import Mission
 
 TOLERANCE = 0.05  # [m]; autopilots take a few hundred waypoints, and steer to about a metre
 _WAYPOINT = 16  # MAV_CMD_NAV_WAYPOINT
-_GLOBAL, _GLOBAL_RELATIVE_ALT = 0, 3  # MAV_FRAME; altitude above home, which is 0 for a surface vehicle
+_GLOBAL, _GLOBAL_RELATIVE_ALT = (
+    0,
+    3,
+)  # MAV_FRAME; altitude above home, which is 0 for a surface vehicle
 
 
 def write_waypoints(path: Path | str, mission: Mission, *, tolerance: float = TOLERANCE) -> int:
@@ -28,10 +31,12 @@ def write_waypoints(path: Path | str, mission: Mission, *, tolerance: float = TO
     """
     if not mission.geographic or len(mission.tracks) != 1:
         kind = "geographic" if mission.geographic else "local"
-        raise ValueError(f"a waypoint file holds one geographic track, got {len(mission.tracks)} {kind}: write one at a time, in degrees")
+        raise ValueError(
+            f"a waypoint file holds one geographic track, got {len(mission.tracks)} {kind}: write one at a time, in degrees"
+        )
     if not 0 <= tolerance < np.inf:
         raise ValueError(f"tolerance must be at least 0 [m] and finite, got {tolerance}")
-    (track,) = mission.tracks.values()
+    (track,) = (track.points for track in mission.tracks.values())
     points = _simplify(track, tolerance)
     lines = [
         "QGC WPL 110",

@@ -19,7 +19,10 @@ PLANNERS = {
     "whole-mission": "obsplan.planners.whole_mission:WholeMission",
     "stationary": "obsplan.planners.stationary:Stationary",
 }
-SLOW = ("trajectory", "whole-mission")  # tens of seconds a mission: compared only where they are named
+SLOW = (
+    "trajectory",
+    "whole-mission",
+)  # tens of seconds a mission: compared only where they are named
 DEFAULT_PLANNER = "information"  # what the name "default" stands for
 
 
@@ -32,4 +35,7 @@ def planner_class(name: str) -> type[Any]:
 def name_of(planner: object) -> str:
     """Name of a planner in files; its class's name where it is not one of ours."""
     cls = type(planner)
-    return next((name for name, home in PLANNERS.items() if home == f"{cls.__module__}:{cls.__qualname__}"), cls.__name__)
+    return next(
+        (name for name, home in PLANNERS.items() if home == f"{cls.__module__}:{cls.__qualname__}"),
+        cls.__name__,
+    )

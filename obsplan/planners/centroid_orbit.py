@@ -28,11 +28,19 @@ class CentroidOrbit:
 
     cna: Unicycle
     _: KW_ONLY
-    orbit_radius: Annotated[float | None, "radius [m]; default: the farthest AUV's distance plus the smallest turning diameter"] = None
+    orbit_radius: Annotated[
+        float | None,
+        "radius [m]; default: the farthest AUV's distance plus the smallest turning diameter",
+    ] = None
 
     def __post_init__(self) -> None:
-        if self.orbit_radius is not None and not self.cna.min_turn_radius <= self.orbit_radius < np.inf:
-            raise ValueError(f"orbit_radius must be at least the turning radius {self.cna.min_turn_radius} m, got {self.orbit_radius}")
+        if (
+            self.orbit_radius is not None
+            and not self.cna.min_turn_radius <= self.orbit_radius < np.inf
+        ):
+            raise ValueError(
+                f"orbit_radius must be at least the turning radius {self.cna.min_turn_radius} m, got {self.orbit_radius}"
+            )
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Steer along the orbit as it is now."""
@@ -47,21 +55,32 @@ class CentroidOrbit:
         outside = ca.hypot(away[0], away[1]) - radius
         turns_left = away[0] * ca.sin(pose[2]) >= away[1] * ca.cos(pose[2])
         sense = ca.if_else(turns_left, 1.0, -1.0)
-        tangent = ca.atan2(away[1], away[0]) + sense * (np.pi / 2 + ca.atan(outside / look_ahead(self.cna)))
-        along, abeam = rotated(-tangent, drift)  # the centroid's velocity along the tangent and to its left
+        tangent = ca.atan2(away[1], away[0]) + sense * (
+            np.pi / 2 + ca.atan(outside / look_ahead(self.cna))
+        )
+        along, abeam = rotated(
+            -tangent, drift
+        )  # the centroid's velocity along the tangent and to its left
         crab = ca.asin(ca.fmax(-STEEPEST, ca.fmin(STEEPEST, abeam / self.cna.speed)))
         ahead = self.cna.speed * ca.cos(crab)
         turning = sense * (ahead - along) / radius  # of the tangent
-        turn_rate = turn_toward(self.cna, pose[2], tangent + crab, turning=turning * (1 - along / ahead))  # the crab turns back by as much
+        turn_rate = turn_toward(
+            self.cna, pose[2], tangent + crab, turning=turning * (1 - along / ahead)
+        )  # the crab turns back by as much
         none = ca.SX.nan(1, targets.mean.shape[1])
-        return Command(turn_rate, ca.SX(self.cna.speed), outside**2, none, ca.SX(float(Status.OPTIMAL)))
+        return Command(
+            turn_rate, ca.SX(self.cna.speed), outside**2, none, ca.SX(float(Status.OPTIMAL))
+        )
 
     def _radius(self, center: ca.SX, targets: Targets) -> ca.SX:
         """Radius [m] in use; an AUV of weight 0 has no say."""
         if self.orbit_radius is not None:
             return ca.SX(self.orbit_radius)
         distance = ca.hypot(targets.mean[0, :] - center[0], targets.mean[1, :] - center[1])
-        return ca.mmax(ca.if_else(targets.weight.T > 0, distance, 0.0)) + 2.0 * self.cna.min_turn_radius
+        return (
+            ca.mmax(ca.if_else(targets.weight.T > 0, distance, 0.0))
+            + 2.0 * self.cna.min_turn_radius
+        )
 
 
 def rotated(angle: ca.SX, vector: ca.SX) -> tuple[ca.SX, ca.SX]:

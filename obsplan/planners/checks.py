@@ -15,8 +15,14 @@ def check_choices(planner: object) -> None:
     """
     for name, hint in get_type_hints(type(planner)).items():
         known = get_args(hint)
-        if known and all(isinstance(choice, str) for choice in known) and getattr(planner, name) not in known:
-            raise ValueError(f'{name} must be one of {", ".join(known)}, got "{getattr(planner, name)}"')
+        if (
+            known
+            and all(isinstance(choice, str) for choice in known)
+            and getattr(planner, name) not in known
+        ):
+            raise ValueError(
+                f'{name} must be one of {", ".join(known)}, got "{getattr(planner, name)}"'
+            )
 
 
 def check_positive(planner: object, **units: str) -> None:

@@ -21,22 +21,32 @@ class Circle:
 
     cna: Unicycle
     _: KW_ONLY
-    center: Annotated[tuple[float, float], "centre, east and north [m]; default: of the circle just enclosing the survey"]
+    center: Annotated[
+        tuple[float, float],
+        "centre, east and north [m]; default: of the circle just enclosing the survey",
+    ]
     radius: Annotated[float, "radius [m]; default: of the circle just enclosing the survey"]
-    start_on_circle: Annotated[bool, "start at the nearest point of the circle, on its tangent, instead of at cna.start"] = True
+    start_on_circle: Annotated[
+        bool, "start at the nearest point of the circle, on its tangent, instead of at cna.start"
+    ] = True
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.center).all():
             raise ValueError(f"center of the circle must be finite [m], got {self.center}")
         if not self.cna.min_turn_radius <= self.radius < np.inf:
-            raise ValueError(f"radius of the circle must be at least the turning radius {self.cna.min_turn_radius} m, got {self.radius}")
+            raise ValueError(
+                f"radius of the circle must be at least the turning radius {self.cna.min_turn_radius} m, got {self.radius}"
+            )
 
     def initial_pose(self, pose: Pose) -> Pose:
         """Where the vehicle starts: on the circle nearest to the pose, unless told otherwise."""
         if not self.start_on_circle:
             return pose
         bearing = np.arctan2(pose.y - self.center[1], pose.x - self.center[0])
-        x, y = self.center[0] + self.radius * np.cos(bearing), self.center[1] + self.radius * np.sin(bearing)
+        x, y = (
+            self.center[0] + self.radius * np.cos(bearing),
+            self.center[1] + self.radius * np.sin(bearing),
+        )
         return Pose(float(x), float(y), float(bearing + np.pi / 2))
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
@@ -54,4 +64,6 @@ class Circle:
         limit = self.cna.max_turn_rate
         turn_rate = ca.fmax(-limit, ca.fmin(limit, self.cna.speed / self.radius + correction))
         no_condition = ca.SX.nan(1, targets.mean.shape[1])
-        return Command(turn_rate, ca.SX(self.cna.speed), outside**2, no_condition, ca.SX(float(Status.OPTIMAL)))
+        return Command(
+            turn_rate, ca.SX(self.cna.speed), outside**2, no_condition, ca.SX(float(Status.OPTIMAL))
+        )

@@ -49,10 +49,14 @@ class ErrorEllipse:
         limit = self.cna.max_turn_rate
         rates = np.linspace(limit, -limit, self.turn_rates)
         wait = time_to_ping(time, self.ping_interval)
-        places = ca.horzcat(*(self.cna.step(pose[:3], ca.SX(ca.DM([u, self.cna.speed])), wait)[:2] for u in rates))
+        places = ca.horzcat(
+            *(self.cna.step(pose[:3], ca.SX(ca.DM([u, self.cna.speed])), wait)[:2] for u in rates)
+        )
         auvs = targets.mean[:2, :] + targets.velocity * wait
         x, y = (places[i, :].T - ca.repmat(auvs[i, :], self.turn_rates, 1) for i in (0, 1))
-        p11, p12, p22 = (ca.repmat(targets.position_covariance[i, :], self.turn_rates, 1) for i in range(3))
+        p11, p12, p22 = (
+            ca.repmat(targets.position_covariance[i, :], self.turn_rates, 1) for i in range(3)
+        )
         square = x**2 + y**2
         across = (p11 * y**2 - 2 * p12 * x * y + p22 * x**2) / ca.if_else(square > 0, square, 1.0)
         totals = across @ (targets.weight / ca.sum1(targets.weight))

@@ -15,13 +15,19 @@ class Filed:
     position: Float[np.ndarray, "samples auvs 2"]  # [m]
     heading: Float[np.ndarray, "samples auvs"]  # [rad]
     speed: Float[np.ndarray, "samples auvs"]  # through the water [m/s]
-    covariance: Float[np.ndarray, "auvs 4 4"]  # of the first estimates of east, north, heading and speed
-    process_noise: Float[np.ndarray, "auvs 4"]  # standard deviations per sqrt(s), as the filters assume them; east's is north's
+    covariance: Float[
+        np.ndarray, "auvs 4 4"
+    ]  # of the first estimates of east, north, heading and speed
+    process_noise: Float[
+        np.ndarray, "auvs 4"
+    ]  # standard deviations per sqrt(s), as the filters assume them; east's is north's
     weights: Float[np.ndarray, " auvs"]
 
     def __post_init__(self) -> None:
         if self.time.size < 2:
-            raise ValueError(f"a mission needs at least two instants, got {self.time.size}: give it a duration of at least one time step")
+            raise ValueError(
+                f"a mission needs at least two instants, got {self.time.size}: give it a duration of at least one time step"
+            )
 
     @property
     def time_step(self) -> float:
@@ -50,7 +56,10 @@ class Filed:
 
     @cached_property
     def _key(self) -> tuple[bytes, ...]:
-        return tuple(np.ascontiguousarray(getattr(self, name)).tobytes() for name in self.__dataclass_fields__)
+        return tuple(
+            np.ascontiguousarray(getattr(self, name)).tobytes()
+            for name in self.__dataclass_fields__
+        )
 
     @cached_property
     def _hash(self) -> int:

@@ -19,14 +19,30 @@ from obsplan.constraints import UNLIMITED, Constraints, first_move_violation
 from obsplan.planners.candidates import first_of_the_best
 from obsplan.planners.checks import check_choices, check_positive
 from obsplan.planners.limits import expected
-from obsplan.planners.protocol import Command, Targets, columns, decide, predict_path, symbols, time_to_ping, unusable
+from obsplan.planners.protocol import (
+    Command,
+    Targets,
+    columns,
+    decide,
+    predict_path,
+    symbols,
+    time_to_ping,
+    unusable,
+)
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
 LEAST_PINGS = 3  # that tell the three states: east, north, heading
 HORIZON_POINTS = 16  # at which a candidate's arc is held against the limits
 
-Metric = Literal["condition-number", "unobservability-index", "smallest-eigenvalue", "log-det", "trace-inverse", "blend"]
+Metric = Literal[
+    "condition-number",
+    "unobservability-index",
+    "smallest-eigenvalue",
+    "log-det",
+    "trace-inverse",
+    "blend",
+]
 Entries = tuple[ca.SX, ...]
 
 
@@ -53,31 +69,68 @@ class GramianHorizon:
 
     cna: Unicycle
     _: KW_ONLY
-    gramian: Annotated[Literal["exact", "empirical", "thesis"], "how the Gramian is computed"] = "exact"
-    metric: Annotated[Metric, "of each AUV's Gramian over (east, north, heading); units m, rad, s"] = "condition-number"
+    gramian: Annotated[Literal["exact", "empirical", "thesis"], "how the Gramian is computed"] = (
+        "exact"
+    )
+    metric: Annotated[
+        Metric, "of each AUV's Gramian over (east, north, heading); units m, rad, s"
+    ] = "condition-number"
     aggregate: Annotated[Literal["mean", "rms", "max"], "over AUVs, by their weights"] = "mean"
     turn_rates: Annotated[int, "number of candidates, at least 2"] = 21
     horizon: Annotated[float | None, "look-ahead [s]; default: by circles"] = None
-    circles: Annotated[float, "look-ahead in smallest circles, where horizon is not given"] = 2.0 / 3.0
-    motion: Annotated[Literal["at-rest", "constant-velocity"], "of the AUVs over the horizon"] = "at-rest"
+    circles: Annotated[float, "look-ahead in smallest circles, where horizon is not given"] = (
+        2.0 / 3.0
+    )
+    motion: Annotated[Literal["at-rest", "constant-velocity"], "of the AUVs over the horizon"] = (
+        "at-rest"
+    )
     sampling: Annotated[Literal["continuous", "pings"], "when ranges come"] = "continuous"
-    block: Annotated[Literal["pose", "position"], "of the Gramian: all of it, or the position's, the heading unknown"] = "pose"
-    noise: Annotated[Literal["unit", "sensor"], "variances that scale the outputs: 1, or the sensors'"] = "unit"
-    weighting: Annotated[Literal["fixed", "covariance"], "weights of the AUVs: as given, or times their position variance"] = "fixed"
+    block: Annotated[
+        Literal["pose", "position"],
+        "of the Gramian: all of it, or the position's, the heading unknown",
+    ] = "pose"
+    noise: Annotated[
+        Literal["unit", "sensor"], "variances that scale the outputs: 1, or the sensors'"
+    ] = "unit"
+    weighting: Annotated[
+        Literal["fixed", "covariance"],
+        "weights of the AUVs: as given, or times their position variance",
+    ] = "fixed"
     ping_interval: Annotated[float, "time between ranges [s]; default: the scenario's"] = 15.0
-    sigma: Annotated[float, "standard deviation of a range [m], or squared range [m^2]; default: the scenario's"] = 1.0
-    ranging_kind: Annotated[Literal["range", "squared-range"], "what is measured; default: the scenario's"] = "range"
-    heading_sigma: Annotated[float, "standard deviation of the heading [rad]; default: the scenario's"] = float(np.deg2rad(1.0))
-    constraints: Annotated[Constraints, "limits on the aid vehicle's position; the scenario's"] = UNLIMITED
+    sigma: Annotated[
+        float, "standard deviation of a range [m], or squared range [m^2]; default: the scenario's"
+    ] = 1.0
+    ranging_kind: Annotated[
+        Literal["range", "squared-range"], "what is measured; default: the scenario's"
+    ] = "range"
+    heading_sigma: Annotated[
+        float, "standard deviation of the heading [rad]; default: the scenario's"
+    ] = float(np.deg2rad(1.0))
+    constraints: Annotated[Constraints, "limits on the aid vehicle's position; the scenario's"] = (
+        UNLIMITED
+    )
     decision_interval: Annotated[float, "time between decisions [s]; the scenario's"] = 1.0
 
     def __post_init__(self) -> None:
         check_choices(self)
-        check_positive(self, horizon="s", circles="-", ping_interval="s", sigma="m", heading_sigma="rad", decision_interval="s")
+        check_positive(
+            self,
+            horizon="s",
+            circles="-",
+            ping_interval="s",
+            sigma="m",
+            heading_sigma="rad",
+            decision_interval="s",
+        )
         if self.turn_rates < 2:
             raise ValueError(f"turn_rates must be at least 2 candidates, got {self.turn_rates}")
-        if self.gramian == "empirical" and (self.motion, self.sampling) != ("at-rest", "continuous"):
-            raise ValueError('gramian "empirical" takes AUVs at rest and ranges all the time; for other motion or sampling choose "exact"')
+        if self.gramian == "empirical" and (self.motion, self.sampling) != (
+            "at-rest",
+            "continuous",
+        ):
+            raise ValueError(
+                'gramian "empirical" takes AUVs at rest and ranges all the time; for other motion or sampling choose "exact"'
+            )
 
     @property
     def candidates(self) -> np.ndarray:
@@ -95,11 +148,22 @@ class GramianHorizon:
             return decide(self, pose, auvs, time)
         return unusable(self, pose, auvs) or self._choose_within_limits(pose, auvs, time)
 
-    def choose(self, time: ca.SX, pose: ca.SX, targets: Targets, allowed: ca.SX | None = None, otherwise: ca.SX | None = None) -> Command:
+    def choose(
+        self,
+        time: ca.SX,
+        pose: ca.SX,
+        targets: Targets,
+        allowed: ca.SX | None = None,
+        otherwise: ca.SX | None = None,
+    ) -> Command:
         """The best of the allowed candidates (all), scores of all being one expression; ``otherwise`` (straight on) if none is regular."""
         entries = self._entries(time, pose, targets)
         scores = score_expression(self.metric, entries)
-        condition = scores if self.metric == "condition-number" else score_expression("condition-number", entries)
+        condition = (
+            scores
+            if self.metric == "condition-number"
+            else score_expression("condition-number", entries)
+        )
         totals = self._aggregated(scores, self._shares(targets))
         totals = totals if allowed is None else ca.if_else(allowed, totals, ca.inf)
         choices = [ca.SX(ca.DM(self.candidates)), condition]
@@ -111,17 +175,31 @@ class GramianHorizon:
     @property
     def look_ahead(self) -> float:
         """Horizon [s]; with pings the whole number of intervals that is nearest, at least three."""
-        horizon = self.circles * 2.0 * np.pi * self.cna.min_turn_radius / self.cna.speed if self.horizon is None else self.horizon
-        return horizon if self.sampling == "continuous" else max(LEAST_PINGS, round(horizon / self.ping_interval)) * self.ping_interval
+        horizon = (
+            self.circles * 2.0 * np.pi * self.cna.min_turn_radius / self.cna.speed
+            if self.horizon is None
+            else self.horizon
+        )
+        return (
+            horizon
+            if self.sampling == "continuous"
+            else max(LEAST_PINGS, round(horizon / self.ping_interval)) * self.ping_interval
+        )
 
     def _entries(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Entries:
         """Upper triangles of the Gramians in the body frame, each K x M."""
         c, s = ca.cos(pose[2]), ca.sin(pose[2])
         body = lambda east, north: (c * east + s * north, c * north - s * east)  # noqa: E731
         x = body(pose[0] - targets.mean[0, :], pose[1] - targets.mean[1, :])
-        v = None if self.motion == "at-rest" else body(targets.velocity[0, :], targets.velocity[1, :])
+        v = (
+            None
+            if self.motion == "at-rest"
+            else body(targets.velocity[0, :], targets.velocity[1, :])
+        )
         if self.gramian == "empirical":
-            entries = empirical_gramian_entries(x, turn_rates=self.candidates, speed=self.cna.speed, horizon=self.look_ahead)
+            entries = empirical_gramian_entries(
+                x, turn_rates=self.candidates, speed=self.cna.speed, horizon=self.look_ahead
+            )
         else:
             entries = gramian_entries(self._moments(time), x, v, variant=self.gramian)
         entries = entries if self.noise == "unit" else self._scaled(*entries)
@@ -133,22 +211,42 @@ class GramianHorizon:
         if self.sampling == "continuous":
             return displacement_moments(speed, self.candidates, self.look_ahead)
         count = round(self.look_ahead / interval)
-        return ping_moments(speed, self.candidates, first=time_to_ping(time, interval), interval=interval, count=count)
+        return ping_moments(
+            speed,
+            self.candidates,
+            first=time_to_ping(time, interval),
+            interval=interval,
+            count=count,
+        )
 
-    def _scaled(self, w11: ca.SX, w12: ca.SX, w13: ca.SX, w22: ca.SX, w23: ca.SX, w33: ca.SX) -> Entries:
+    def _scaled(
+        self, w11: ca.SX, w12: ca.SX, w13: ca.SX, w22: ca.SX, w23: ca.SX, w33: ca.SX
+    ) -> Entries:
         """Gramian in units of the sensors' variances: with variance 1 the heading adds the horizon T to W33, and W11 + W22 is 4 T d²."""
         horizon, samples = self.look_ahead, self.look_ahead / self.ping_interval
-        of_squares = w11 + w22 if self.ranging_kind == "range" else horizon  # a squared range has the variance 4 d² σ²
+        of_squares = (
+            w11 + w22 if self.ranging_kind == "range" else horizon
+        )  # a squared range has the variance 4 d² σ²
         gain = samples / (self.sigma**2 * ca.if_else(of_squares > 0, of_squares, 1.0))
         seen = samples / self.heading_sigma**2
-        return w11 * gain, w12 * gain, w13 * gain, w22 * gain, w23 * gain, (w33 - horizon) * gain + seen
+        return (
+            w11 * gain,
+            w12 * gain,
+            w13 * gain,
+            w22 * gain,
+            w23 * gain,
+            (w33 - horizon) * gain + seen,
+        )
 
     def _shares(self, targets: Targets) -> ca.SX:
         """What each AUV counts; as given where covariances are to weigh and there are none."""
         fixed = targets.weight / ca.sum1(targets.weight)
         if self.weighting == "fixed":
             return fixed
-        uncertain = targets.weight * (targets.position_covariance[0, :] + targets.position_covariance[2, :]).T
+        uncertain = (
+            targets.weight
+            * (targets.position_covariance[0, :] + targets.position_covariance[2, :]).T
+        )
         total = ca.sum1(uncertain)
         return ca.if_else(total > 0, uncertain / ca.if_else(total > 0, total, 1.0), fixed)
 
@@ -167,8 +265,16 @@ class GramianHorizon:
         allowed = (first == first.min()) & (later == later[first == first.min()].min())
         straightest = min(self.candidates[allowed], key=abs)
         state = [pose.x, pose.y, pose.heading, pose.turn_rate]
-        given = [ca.DM(time), ca.DM(state), *columns(auvs), ca.DM(allowed.astype(float)), ca.DM(float(straightest))]
-        turn_rate, _, score, condition, status = (result.full().ravel() for result in limited_choice(self, len(auvs)).call(given))
+        given = [
+            ca.DM(time),
+            ca.DM(state),
+            *columns(auvs),
+            ca.DM(allowed.astype(float)),
+            ca.DM(float(straightest)),
+        ]
+        turn_rate, _, score, condition, status = (
+            result.full().ravel() for result in limited_choice(self, len(auvs)).call(given)
+        )
         return Decision(
             turn_rate=float(turn_rate[0]),
             speed=self.cna.speed,
@@ -178,11 +284,21 @@ class GramianHorizon:
             condition=condition,
         )
 
-    def _violations(self, pose: Pose, auvs: Sequence[Belief]) -> tuple[Float[np.ndarray, " K"], Float[np.ndarray, " K"]]:
+    def _violations(
+        self, pose: Pose, auvs: Sequence[Belief]
+    ) -> tuple[Float[np.ndarray, " K"], Float[np.ndarray, " K"]]:
         """How far [m] each candidate breaks a limit before the next decision, or without fail after it, and over the horizon."""
-        state, speed, rates = np.array([pose.x, pose.y, pose.heading]), self.cna.speed, self.candidates
+        state, speed, rates = (
+            np.array([pose.x, pose.y, pose.heading]),
+            self.cna.speed,
+            self.candidates,
+        )
         ahead, room = expected(auvs)
-        way = {"speed": speed, "radius": self.cna.min_turn_radius, "interval": self.decision_interval}
+        way = {
+            "speed": speed,
+            "radius": self.cna.min_turn_radius,
+            "interval": self.decision_interval,
+        }
         first = first_move_violation(self.constraints, state, rates, **way, auvs=ahead, room=room)
         times = self.look_ahead * np.arange(1, HORIZON_POINTS + 1) / HORIZON_POINTS
         positions = arcs(state, rates, speed, times)[..., :2]

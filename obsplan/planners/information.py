@@ -6,7 +6,15 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from formulations.manoeuvre_search import Manoeuvre, Ranging, Stages, Tracks, ping_stages, search_manoeuvres, turn_candidates
+from formulations.manoeuvre_search import (
+    Manoeuvre,
+    Ranging,
+    Stages,
+    Tracks,
+    ping_stages,
+    search_manoeuvres,
+    turn_candidates,
+)
 from formulations.solution import Status
 from obsplan.constraints import UNLIMITED, Constraints, first_move_violation
 from obsplan.planners.checks import check_at_least, check_choices, check_positive
@@ -32,14 +40,22 @@ class InformationHorizon:
     cna: Unicycle
     _: KW_ONLY
     ping_interval: Annotated[float, "time between ranges [s]; default: the scenario's"]
-    sigma: Annotated[float, "standard deviation of a range [m], or squared range [m^2]; default: the scenario's"]
-    ranging_kind: Annotated[Literal["range", "squared-range"], "what is measured; default: the scenario's"] = "range"
-    criterion: Annotated[Literal["trace", "log-det"], "of the position covariance, averaged over the horizon"] = "trace"
+    sigma: Annotated[
+        float, "standard deviation of a range [m], or squared range [m^2]; default: the scenario's"
+    ]
+    ranging_kind: Annotated[
+        Literal["range", "squared-range"], "what is measured; default: the scenario's"
+    ] = "range"
+    criterion: Annotated[
+        Literal["trace", "log-det"], "of the position covariance, averaged over the horizon"
+    ] = "trace"
     horizon: Annotated[float, "least look-ahead [s]"] = 20.0
     stages: Annotated[int, "levels of the tree, at least 1"] = 6
     turn_rates: Annotated[int, "branches at each level, odd and at least 3"] = 7
     beam_width: Annotated[int, "sequences kept at each level, at least 1"] = 128
-    constraints: Annotated[Constraints, "limits on the aid vehicle's position; the scenario's"] = UNLIMITED
+    constraints: Annotated[Constraints, "limits on the aid vehicle's position; the scenario's"] = (
+        UNLIMITED
+    )
     decision_interval: Annotated[float, "time between decisions [s]; the scenario's"] = 1.0
 
     def __post_init__(self) -> None:
@@ -47,7 +63,9 @@ class InformationHorizon:
         check_choices(self)
         check_at_least(self, stages=1, beam_width=1)
         if self.turn_rates < 3 or self.turn_rates % 2 == 0:
-            raise ValueError(f"turn_rates must be odd and at least 3, straight on and pairs, got {self.turn_rates}")
+            raise ValueError(
+                f"turn_rates must be odd and at least 3, straight on and pairs, got {self.turn_rates}"
+            )
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Choose the first turn of the best sequence found."""
@@ -58,12 +76,20 @@ class InformationHorizon:
         if not np.isfinite(covariance).all():
             return straight_on(self.cna, pose, Status.INVALID_INPUT, len(auvs))
         stages = ping_stages(time, self.ping_interval, self.horizon, self.stages)
-        state, turn_rates = np.array([pose.x, pose.y, pose.heading]), turn_candidates(self.cna.max_turn_rate, self.turn_rates)
+        state, turn_rates = (
+            np.array([pose.x, pose.y, pose.heading]),
+            turn_candidates(self.cna.max_turn_rate, self.turn_rates),
+        )
         best = search_manoeuvres(
             state,
             covariance,
             tracks=predicted_tracks(auvs, stages),
-            process_noise=np.array([[noise[0], noise[0], noise[1], noise[2]] for noise in (auv.process_noise for auv in auvs)]),
+            process_noise=np.array(
+                [
+                    [noise[0], noise[0], noise[1], noise[2]]
+                    for noise in (auv.process_noise for auv in auvs)
+                ]
+            ),
             weights=np.array([auv.weight for auv in auvs], dtype=float),
             stages=stages,
             turn_rates=turn_rates,
@@ -79,9 +105,18 @@ class InformationHorizon:
         path = manoeuvre_path(pose, best, stages, self.cna.speed)
         nothing = np.full(len(auvs), np.nan)
         status = Status.VIOLATED if best.first_violation > 0 else Status.OPTIMAL
-        return Decision(turn_rate=turn_rate, speed=self.cna.speed, path=path, score=best.score, status=status, condition=nothing)
+        return Decision(
+            turn_rate=turn_rate,
+            speed=self.cna.speed,
+            path=path,
+            score=best.score,
+            status=status,
+            condition=nothing,
+        )
 
-    def _limits(self, state: np.ndarray, turn_rates: np.ndarray, auvs: Sequence[Belief]) -> dict[str, Any]:
+    def _limits(
+        self, state: np.ndarray, turn_rates: np.ndarray, auvs: Sequence[Belief]
+    ) -> dict[str, Any]:
         """The constraints as the search takes them; none cost nothing."""
         if not self.constraints:
             return {}
@@ -97,7 +132,9 @@ class InformationHorizon:
             room=room,
         )
         return {
-            "violation": lambda positions, times: self.constraints.violation(positions, ahead(times), room),
+            "violation": lambda positions, times: self.constraints.violation(
+                positions, ahead(times), room
+            ),
             "first_violation": first,
         }
 
@@ -106,15 +143,27 @@ def predicted_tracks(auvs: Sequence[Belief], stages: Stages) -> Tracks:
     """Where the AUVs are expected at the end of each stage, and their mean velocity through the water during it."""
     ends = np.concatenate([[0.0], np.cumsum(stages.duration)])
     position = np.stack([auv.ahead(ends) for auv in auvs], axis=1)
-    water = np.diff(position, axis=0) / stages.duration[:, None, None] - np.array([auv.drift for auv in auvs])
-    return Tracks(position[1:], np.arctan2(water[..., 1], water[..., 0]), np.hypot(water[..., 0], water[..., 1]))
+    water = np.diff(position, axis=0) / stages.duration[:, None, None] - np.array(
+        [auv.drift for auv in auvs]
+    )
+    return Tracks(
+        position[1:],
+        np.arctan2(water[..., 1], water[..., 0]),
+        np.hypot(water[..., 0], water[..., 1]),
+    )
 
 
 def manoeuvre_path(pose: Pose, manoeuvre: Manoeuvre, stages: Stages, speed: float) -> np.ndarray:
     """Poses (stages + 1, 3) at the ends of the stages."""
-    heading = pose.heading + np.concatenate([[0.0], np.cumsum(manoeuvre.turn_rates * stages.duration)])
+    heading = pose.heading + np.concatenate(
+        [[0.0], np.cumsum(manoeuvre.turn_rates * stages.duration)]
+    )
     half = 0.5 * manoeuvre.turn_rates * stages.duration
     chord = speed * stages.duration * np.sinc(half / np.pi)
-    steps = chord[:, None] * np.stack([np.cos(heading[:-1] + half), np.sin(heading[:-1] + half)], axis=-1)
-    position = np.array([pose.x, pose.y]) + np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    steps = chord[:, None] * np.stack(
+        [np.cos(heading[:-1] + half), np.sin(heading[:-1] + half)], axis=-1
+    )
+    position = np.array([pose.x, pose.y]) + np.concatenate(
+        [np.zeros((1, 2)), np.cumsum(steps, axis=0)]
+    )
     return np.column_stack([position, heading])

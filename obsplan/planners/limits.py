@@ -20,14 +20,29 @@ Expected = Callable[[Float[np.ndarray, " T"]], Float[np.ndarray, "T M 2"]]
 
 def expected(auvs: Sequence[Belief]) -> tuple[Expected, Float[np.ndarray, " M"]]:
     """Where AUVs are expected [m] at times from now [s], and the room [m] to leave each for not knowing where it is; none if unknown."""
-    var_east, covariance, var_north = np.array([auv.covariance[[0, 0, 1], [0, 1, 1]] for auv in auvs]).reshape(-1, 3).T
+    var_east, covariance, var_north = (
+        np.array([auv.covariance[[0, 0, 1], [0, 1, 1]] for auv in auvs]).reshape(-1, 3).T
+    )
     largest = (var_east + var_north) / 2 + np.hypot((var_east - var_north) / 2, covariance)
-    ahead = lambda times: np.array([auv.ahead(times) for auv in auvs]).reshape(len(auvs), len(times), 2).swapaxes(0, 1)  # noqa: E731
+
+    def ahead(times):
+        return (
+            np.array([auv.ahead(times) for auv in auvs])
+            .reshape(len(auvs), len(times), 2)
+            .swapaxes(0, 1)
+        )
+
     return ahead, SURE * np.sqrt(np.where(np.isfinite(largest), np.maximum(largest, 0.0), 0.0))
 
 
 def within_limits(
-    wanted: Decision, pose: Pose, auvs: Sequence[Belief], *, cna: Unicycle, constraints: Constraints, interval: float
+    wanted: Decision,
+    pose: Pose,
+    auvs: Sequence[Belief],
+    *,
+    cna: Unicycle,
+    constraints: Constraints,
+    interval: float,
 ) -> Decision:
     """Replace a manoeuvre that breaks a limit before the next decision, or leaves no circle to turn on, by the nearest turn that does not.
 
@@ -40,9 +55,16 @@ def within_limits(
     turn_rates = np.concatenate([[wanted.turn_rate], np.linspace(limit, -limit, CANDIDATES)])
     ahead, room = expected([auv for auv in auvs if np.isfinite(auv.mean).all()])
     way = {"speed": wanted.speed, "radius": cna.min_turn_radius, "interval": interval}
-    broken = np.maximum(first_move_violation(constraints, state, turn_rates, **way, auvs=ahead, room=room), 0.0)
+    broken = np.maximum(
+        first_move_violation(constraints, state, turn_rates, **way, auvs=ahead, room=room), 0.0
+    )
     if broken[0] == 0:
         return wanted
     k = np.lexsort((abs(turn_rates - wanted.turn_rate), broken))[0]
     turn_rate, status = float(turn_rates[k]), Status.VIOLATED if broken[k] > 0 else Status.LIMITED
-    return replace(wanted, turn_rate=turn_rate, path=predict_path(cna, pose, turn_rate, wanted.speed), status=status)
+    return replace(
+        wanted,
+        turn_rate=turn_rate,
+        path=predict_path(cna, pose, turn_rate, wanted.speed),
+        status=status,
+    )

@@ -39,12 +39,23 @@ class PathInertia:
 
     cna: Unicycle
     _: KW_ONLY
-    gamma: Annotated[float, "weight of separation against conditioning [-], at least 0; of the objective difference"] = 1.0
-    objective: Annotated[Literal["difference", "condition-number"], "what is minimised"] = "difference"
-    solver: Annotated[Literal["closed-form", "osqp", "clarabel"], "how the convex program is solved"] = "closed-form"
-    change_weight: Annotated[float, "penalty on the squared change of radius [-], or of curvature [m^2]; at least 0"] = 0.0
+    gamma: Annotated[
+        float,
+        "weight of separation against conditioning [-], at least 0; of the objective difference",
+    ] = 1.0
+    objective: Annotated[Literal["difference", "condition-number"], "what is minimised"] = (
+        "difference"
+    )
+    solver: Annotated[
+        Literal["closed-form", "osqp", "clarabel"], "how the convex program is solved"
+    ] = "closed-form"
+    change_weight: Annotated[
+        float, "penalty on the squared change of radius [-], or of curvature [m^2]; at least 0"
+    ] = 0.0
     max_radius: Annotated[float | None, "largest turning radius [m]; default: none"] = None
-    max_center_distance: Annotated[float | None, "largest distance of the circle's centre from each AUV [m]; default: none"] = None
+    max_center_distance: Annotated[
+        float | None, "largest distance of the circle's centre from each AUV [m]; default: none"
+    ] = None
 
     def __post_init__(self) -> None:
         _ = problem(self)  # its limits are checked there
@@ -52,7 +63,11 @@ class PathInertia:
     @property
     def expression(self) -> Callable[[ca.SX, ca.SX, Targets], Command] | None:
         """The decision as an expression; None where a program has to be solved."""
-        limited = self.change_weight or self.max_radius is not None or self.max_center_distance is not None
+        limited = (
+            self.change_weight
+            or self.max_radius is not None
+            or self.max_center_distance is not None
+        )
         return None if limited or self.solver != "closed-form" else self.closed_form
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
@@ -71,10 +86,14 @@ class PathInertia:
             radius, clipped = path_inertia_radius(mean_offset, self.gamma, r_min)
             curvature = 1 / radius
         else:
-            curvature, clipped = path_inertia_curvature(mean_offset, square_distance @ weight, r_min)
+            curvature, clipped = path_inertia_curvature(
+                mean_offset, square_distance @ weight, r_min
+            )
         condition = curvature_condition_number(curvature, offset, square_distance)
         status = ca.if_else(clipped, float(Status.CLIPPED), float(Status.OPTIMAL))
-        return Command(self.cna.speed * curvature, ca.SX(self.cna.speed), condition @ weight, condition, status)
+        return Command(
+            self.cna.speed * curvature, ca.SX(self.cna.speed), condition @ weight, condition, status
+        )
 
     def _solve(self, pose: Pose, auvs: Sequence[Belief]) -> Decision:
         """Solve the program with its limits; if they leave no turn, without them."""
@@ -84,9 +103,17 @@ class PathInertia:
         solution = problem(self).solve(x, pose.heading, weights, last_radius=last)
         status = solution.status
         if not np.isfinite(solution.x[0]):
-            solution = problem(PathInertia(self.cna, gamma=self.gamma, objective=self.objective)).solve(x, pose.heading, weights)
-        curvature = float(solution.x[0]) if self.objective == "condition-number" else 1 / float(solution.x[0])
-        condition = curvature_condition_number(curvature, lateral_offset(x[:, 0], x[:, 1], pose.heading), np.sum(x**2, axis=1))
+            solution = problem(
+                PathInertia(self.cna, gamma=self.gamma, objective=self.objective)
+            ).solve(x, pose.heading, weights)
+        curvature = (
+            float(solution.x[0])
+            if self.objective == "condition-number"
+            else 1 / float(solution.x[0])
+        )
+        condition = curvature_condition_number(
+            curvature, lateral_offset(x[:, 0], x[:, 1], pose.heading), np.sum(x**2, axis=1)
+        )
         turn_rate, speed = self.cna.speed * curvature, self.cna.speed
         return Decision(
             turn_rate=turn_rate,
@@ -112,7 +139,9 @@ def problem(planner: PathInertia) -> PathInertiaProblem:
         gamma=planner.gamma,
         change_weight=planner.change_weight,
         max_radius=math.inf if planner.max_radius is None else planner.max_radius,
-        max_center_distance=math.inf if planner.max_center_distance is None else planner.max_center_distance,
+        max_center_distance=math.inf
+        if planner.max_center_distance is None
+        else planner.max_center_distance,
         objective=planner.objective,
         solver=planner.solver,
     )

@@ -45,7 +45,12 @@ class Targets(NamedTuple):
         return ca.vertcat(speed * ca.cos(heading), speed * ca.sin(heading)) + self.drift
 
 
-ROWS = {"mean": 4, "drift": 2, "position_covariance": 3, "weight": 1}  # of each of the targets, where AUVs are columns
+ROWS = {
+    "mean": 4,
+    "drift": 2,
+    "position_covariance": 3,
+    "weight": 1,
+}  # of each of the targets, where AUVs are columns
 
 
 class Command(NamedTuple):
@@ -58,7 +63,9 @@ class Command(NamedTuple):
     status: ca.SX
 
 
-Expression = Callable[[ca.SX, ca.SX, Targets], Command]  # of time [s], pose (east, north, heading, turn rate) and targets
+Expression = Callable[
+    [ca.SX, ca.SX, Targets], Command
+]  # of time [s], pose (east, north, heading, turn rate) and targets
 
 
 def expression_of(planner: Planner) -> Expression | None:
@@ -84,8 +91,14 @@ def guarded(expression: Expression, time: ca.SX, pose: ca.SX, targets: Targets) 
     command = expression(time, pose, targets)
     looks = ca.depends_on(command.turn_rate, ca.vec(targets.mean))
     heard = ca.sum1(targets.weight) > 0 if looks else ca.SX(1.0)
-    seen = ca.vertcat(pose, ca.vec(targets.mean), command.turn_rate) if looks else ca.vertcat(pose, command.turn_rate)
-    usable = ca.logic_and(heard, ca.fabs(ca.sum1(seen)) < ca.inf)  # CasADi takes x == x for true, whatever x is
+    seen = (
+        ca.vertcat(pose, ca.vec(targets.mean), command.turn_rate)
+        if looks
+        else ca.vertcat(pose, command.turn_rate)
+    )
+    usable = ca.logic_and(
+        heard, ca.fabs(ca.sum1(seen)) < ca.inf
+    )  # CasADi takes x == x for true, whatever x is
     why = ca.if_else(heard, float(Status.INVALID_INPUT), float(Status.NO_TARGETS))
     return Command(
         turn_rate=ca.if_else(usable, command.turn_rate, 0.0),
@@ -106,7 +119,11 @@ def unusable(planner: SteeringPlanner, pose: Pose, auvs: Sequence[Belief]) -> De
     if not any(auv.weight > 0 for auv in auvs):
         return straight_on(planner.cna, pose, Status.NO_TARGETS, len(auvs))
     known = [[pose.x, pose.y, pose.heading, pose.turn_rate], *(auv.mean for auv in auvs)]
-    return None if np.isfinite(known).all() else straight_on(planner.cna, pose, Status.INVALID_INPUT, len(auvs))
+    return (
+        None
+        if np.isfinite(known).all()
+        else straight_on(planner.cna, pose, Status.INVALID_INPUT, len(auvs))
+    )
 
 
 def evaluate(planner: SteeringPlanner, pose: Pose, auvs: Sequence[Belief], time: float) -> Decision:
@@ -128,10 +145,16 @@ def evaluate(planner: SteeringPlanner, pose: Pose, auvs: Sequence[Belief], time:
 
 def columns(auvs: Sequence[Belief]) -> list[ca.DM]:
     """Beliefs as the targets that `compiled` takes, one column per AUV."""
-    mean, drift, weight = [auv.mean for auv in auvs], [auv.drift for auv in auvs], [auv.weight for auv in auvs]
+    mean, drift, weight = (
+        [auv.mean for auv in auvs],
+        [auv.drift for auv in auvs],
+        [auv.weight for auv in auvs],
+    )
     covariance = [auv.covariance[[0, 0, 1], [0, 1, 1]] for auv in auvs]
     rows = zip((mean, drift, covariance, weight), ROWS.values(), strict=True)
-    return [ca.DM(np.reshape(np.array(values, dtype=float), (len(auvs), n)).T) for values, n in rows]
+    return [
+        ca.DM(np.reshape(np.array(values, dtype=float), (len(auvs), n)).T) for values, n in rows
+    ]
 
 
 @lru_cache(maxsize=64)
@@ -154,13 +177,28 @@ def symbols(n_auvs: int) -> tuple[list[ca.SX], Targets]:
 def straight_on(cna: Unicycle, pose: Pose, status: Status, n_auvs: int) -> Decision:
     """The substitute manoeuvre: straight on at cruising speed, with the status that made it necessary."""
     path = predict_path(cna, pose, 0.0, cna.speed)
-    return Decision(turn_rate=0.0, speed=cna.speed, path=path, score=np.nan, status=status, condition=np.full(n_auvs, np.nan))
+    return Decision(
+        turn_rate=0.0,
+        speed=cna.speed,
+        path=path,
+        score=np.nan,
+        status=status,
+        condition=np.full(n_auvs, np.nan),
+    )
 
 
-def predict_path(cna: Unicycle, pose: Pose, turn_rate: float, speed: float) -> Float[np.ndarray, "steps 3"]:
+def predict_path(
+    cna: Unicycle, pose: Pose, turn_rate: float, speed: float
+) -> Float[np.ndarray, "steps 3"]:
     """Poses on the arc held for two thirds of the smallest circle, the thesis's horizon."""
     time = np.linspace(0.0, two_thirds_turn(cna), PATH_POINTS)
-    return _arc()(np.array([pose.x, pose.y, pose.heading]), np.array([turn_rate, speed]), time[None, :]).full().T
+    return (
+        _arc()(
+            np.array([pose.x, pose.y, pose.heading]), np.array([turn_rate, speed]), time[None, :]
+        )
+        .full()
+        .T
+    )
 
 
 @lru_cache(maxsize=1)

@@ -43,10 +43,16 @@ class RandomTurns:
         """Draw the turn of this time: the generator's counter is the number of turns held before."""
         if not np.isfinite([pose.x, pose.y, pose.heading, pose.turn_rate]).all():
             return straight_on(self.cna, pose, Status.INVALID_INPUT, len(auvs))
-        key = np.random.SeedSequence(self.seed or 0, spawn_key=(PLANNER_STREAM,)).generate_state(2, np.uint64)
-        turn = math.floor(time / self.hold + 1e-9)  # 1e-9: a time that is a multiple but for its rounding
+        key = np.random.SeedSequence(self.seed or 0, spawn_key=(PLANNER_STREAM,)).generate_state(
+            2, np.uint64
+        )
+        turn = math.floor(
+            time / self.hold + 1e-9
+        )  # 1e-9: a time that is a multiple but for its rounding
         limit = self.cna.max_turn_rate
-        turn_rate = float(np.random.Generator(np.random.Philox(key=key, counter=turn)).uniform(-limit, limit))
+        turn_rate = float(
+            np.random.Generator(np.random.Philox(key=key, counter=turn)).uniform(-limit, limit)
+        )
         return Decision(
             turn_rate=turn_rate,
             speed=self.cna.speed,

@@ -21,8 +21,21 @@ class Stationary:
         """Stop, whatever the AUVs do."""
         here = np.array([[pose.x, pose.y, pose.heading]], dtype=float)
         status = Status.OPTIMAL if np.isfinite(here).all() else Status.INVALID_INPUT
-        return Decision(turn_rate=0.0, speed=0.0, path=here, score=0.0, status=status, condition=np.full(len(auvs), np.nan))
+        return Decision(
+            turn_rate=0.0,
+            speed=0.0,
+            path=here,
+            score=0.0,
+            status=status,
+            condition=np.full(len(auvs), np.nan),
+        )
 
     def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002 - the protocol's signature
         """Speed and turn rate zero."""
-        return Command(ca.SX(0.0), ca.SX(0.0), ca.SX(0.0), ca.SX.nan(1, targets.mean.shape[1]), ca.SX(float(Status.OPTIMAL)))
+        return Command(
+            ca.SX(0.0),
+            ca.SX(0.0),
+            ca.SX(0.0),
+            ca.SX.nan(1, targets.mean.shape[1]),
+            ca.SX(float(Status.OPTIMAL)),
+        )

@@ -10,7 +10,14 @@ def look_ahead(cna: Unicycle) -> float:
     return 2.0 * cna.min_turn_radius
 
 
-def turn_toward(cna: Unicycle, heading: ca.SX, course: ca.SX, *, turning: ca.SX | float = 0.0, speed: ca.SX | None = None) -> ca.SX:
+def turn_toward(
+    cna: Unicycle,
+    heading: ca.SX,
+    course: ca.SX,
+    *,
+    turning: ca.SX | float = 0.0,
+    speed: ca.SX | None = None,
+) -> ca.SX:
     """Turn rate [rad/s] onto a course that itself turns at a rate, within the limit at the speed (default: cruising) [m/s]."""
     error = course - heading
     correction = cna.speed / look_ahead(cna) * ca.atan2(ca.sin(error), ca.cos(error))

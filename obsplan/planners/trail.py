@@ -26,12 +26,16 @@ class Trail:
 
     cna: Unicycle
     _: KW_ONLY
-    behind: Annotated[float | None, "distance behind [m]; default: the smallest turning diameter"] = None
+    behind: Annotated[
+        float | None, "distance behind [m]; default: the smallest turning diameter"
+    ] = None
     left: Annotated[float, "distance to the left [m]; negative: to the right"] = 0.0
 
     def __post_init__(self) -> None:
         if not np.isfinite([self.left, self.behind or 0.0]).all():
-            raise ValueError(f"behind and left must be finite [m], got {self.behind} and {self.left}")
+            raise ValueError(
+                f"behind and left must be finite [m], got {self.behind} and {self.left}"
+            )
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Steer to the place."""
@@ -41,11 +45,16 @@ class Trail:
         """Turn rate and speed of a pursuit of the place."""
         share = targets.weight / ca.sum1(targets.weight)
         heading = ca.atan2(ca.sin(targets.mean[2, :]) @ share, ca.cos(targets.mean[2, :]) @ share)
-        ahead, abeam = ca.vertcat(ca.cos(heading), ca.sin(heading)), ca.vertcat(-ca.sin(heading), ca.cos(heading))
+        ahead, abeam = (
+            ca.vertcat(ca.cos(heading), ca.sin(heading)),
+            ca.vertcat(-ca.sin(heading), ca.cos(heading)),
+        )
         behind = look_ahead(self.cna) if self.behind is None else self.behind
         gap = targets.mean[:2, :] @ share - behind * ahead + self.left * abeam - pose[:2]
         wanted = targets.velocity @ share + gap * (self.cna.speed / look_ahead(self.cna))
-        speed = ca.fmin(self.cna.speed, ca.hypot(wanted[0], wanted[1]))  # cruising speed also where it is no number
+        speed = ca.fmin(
+            self.cna.speed, ca.hypot(wanted[0], wanted[1])
+        )  # cruising speed also where it is no number
         turn_rate = turn_toward(self.cna, pose[2], ca.atan2(wanted[1], wanted[0]), speed=speed)
         none = ca.SX.nan(1, targets.mean.shape[1])
         return Command(turn_rate, speed, ca.sumsqr(gap), none, ca.SX(float(Status.OPTIMAL)))

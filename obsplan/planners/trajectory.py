@@ -46,26 +46,52 @@ class Trajectory:
     cna: Unicycle
     _: KW_ONLY
     ping_interval: Annotated[float, "time between ranges [s]; default: the scenario's"]
-    sigma: Annotated[float, "standard deviation of a range [m], or squared range [m^2]; default: the scenario's"]
-    ranging_kind: Annotated[Literal["range", "squared-range"], "what is measured; default: the scenario's"] = "range"
+    sigma: Annotated[
+        float, "standard deviation of a range [m], or squared range [m^2]; default: the scenario's"
+    ]
+    ranging_kind: Annotated[
+        Literal["range", "squared-range"], "what is measured; default: the scenario's"
+    ] = "range"
     objective: Annotated[Objective, "what is minimised"] = "covariance"
-    horizon: Annotated[float, "least look-ahead [s]; ``covariance`` looks six pings ahead at least"] = 20.0
+    horizon: Annotated[
+        float, "least look-ahead [s]; ``covariance`` looks six pings ahead at least"
+    ] = 20.0
     stages: Annotated[int, "turns over the horizon, at least 2"] = 12
-    max_turn_acceleration: Annotated[float | None, "largest change of the turn rate [rad/s^2], taken at decisions; default: none"] = None
-    speed_range: Annotated[tuple[float, float] | None, "least and greatest speed [m/s]; default: the vehicle's alone"] = None
+    max_turn_acceleration: Annotated[
+        float | None, "largest change of the turn rate [rad/s^2], taken at decisions; default: none"
+    ] = None
+    speed_range: Annotated[
+        tuple[float, float] | None, "least and greatest speed [m/s]; default: the vehicle's alone"
+    ] = None
     max_iterations: Annotated[int, "of each solver, at least 1"] = 100
-    deadline: Annotated[float | None, "time after which no further solver is begun [s]; default: none, so that results repeat"] = None
-    constraints: Annotated[Constraints, "limits on the aid vehicle's position; the scenario's"] = UNLIMITED
+    deadline: Annotated[
+        float | None,
+        "time after which no further solver is begun [s]; default: none, so that results repeat",
+    ] = None
+    constraints: Annotated[Constraints, "limits on the aid vehicle's position; the scenario's"] = (
+        UNLIMITED
+    )
     decision_interval: Annotated[float, "time between decisions [s]; the scenario's"] = 1.0
 
     def __post_init__(self) -> None:
         check_positive(
-            self, ping_interval="s", sigma="m", horizon="s", decision_interval="s", max_turn_acceleration="rad/s^2", deadline="s"
+            self,
+            ping_interval="s",
+            sigma="m",
+            horizon="s",
+            decision_interval="s",
+            max_turn_acceleration="rad/s^2",
+            deadline="s",
         )
         check_choices(self)
         check_at_least(self, stages=2, max_iterations=1)
-        if self.speed_range is not None and not 0 < self.speed_range[0] <= self.speed_range[1] < np.inf:
-            raise ValueError(f"speed_range must be 0 < least <= greatest [m/s], got {self.speed_range}")
+        if (
+            self.speed_range is not None
+            and not 0 < self.speed_range[0] <= self.speed_range[1] < np.inf
+        ):
+            raise ValueError(
+                f"speed_range must be 0 < least <= greatest [m/s], got {self.speed_range}"
+            )
 
     @property
     def condition_label(self) -> str:
@@ -86,7 +112,10 @@ class Trajectory:
         began = perf_counter()
         durations = self._durations(time)
         task = self._task(pose, auvs, time, durations)
-        if not all(np.isfinite(part).all() for part in (task.positions, task.covariance, task.process_noise)):
+        if not all(
+            np.isfinite(part).all()
+            for part in (task.positions, task.covariance, task.process_noise)
+        ):
             self._memory.clear()
             return straight_on(self.cna, pose, Status.INVALID_INPUT, len(auvs))
         last = self._memory.pop("plan", None)
@@ -99,7 +128,9 @@ class Trajectory:
             hurry=lambda: self.deadline is not None and perf_counter() - began > self.deadline,
         )
         side = found.side if self.constraints else 0.0
-        self._memory["plan"] = _Plan(time, time + np.cumsum(durations), found.turn_rates, found.speeds, side)
+        self._memory["plan"] = _Plan(
+            time, time + np.cumsum(durations), found.turn_rates, found.speeds, side
+        )
         return self._decision(found)
 
     def _decision(self, found: Outcome) -> Decision:
@@ -119,7 +150,9 @@ class Trajectory:
         horizon = self.horizon
         if self.objective == "covariance":
             horizon = max(horizon, LEAST_PINGS * self.ping_interval)
-        length = self.decision_interval * max(1, round(horizon / self.stages / self.decision_interval))
+        length = self.decision_interval * max(
+            1, round(horizon / self.stages / self.decision_interval)
+        )
         durations = np.full(self.stages, length)
         left = length - time % length
         durations[0] = left if left > ROUNDING * length else length
@@ -129,12 +162,20 @@ class Trajectory:
         ends = np.concatenate([[0.0], np.cumsum(durations)])
         times = np.sort(np.concatenate([ends, ends[:-1] + durations / 2]))
         positions = np.stack([auv.ahead(times) for auv in auvs], axis=1)
-        water = np.diff(positions[::2], axis=0) / durations[:, None, None] - np.array([auv.drift for auv in auvs])
+        water = np.diff(positions[::2], axis=0) / durations[:, None, None] - np.array(
+            [auv.drift for auv in auvs]
+        )
         speeds = np.hypot(water[..., 0], water[..., 1])
         still = speeds <= ROUNDING * self.cna.speed
-        headings = np.where(still, [auv.mean[2] for auv in auvs], np.arctan2(water[..., 1], water[..., 0]))
+        headings = np.where(
+            still, [auv.mean[2] for auv in auvs], np.arctan2(water[..., 1], water[..., 0])
+        )
         pings = np.floor((time + ends) / self.ping_interval + ROUNDING)
-        reach = None if self.max_turn_acceleration is None else np.full(self.stages, self.max_turn_acceleration * self.decision_interval)
+        reach = (
+            None
+            if self.max_turn_acceleration is None
+            else np.full(self.stages, self.max_turn_acceleration * self.decision_interval)
+        )
         noise = np.array([auv.process_noise for auv in auvs])
         drift = noise[:, 0] + durations[-1] * (speeds.max(axis=0) * noise[:, 1] + noise[:, 2])
         return Task(
@@ -161,8 +202,15 @@ class Trajectory:
     @cached_property
     def _areas(self) -> Areas:
         limits = self.constraints
-        discs = np.array([[area.x, area.y, area.radius] for area in limits.keep_out if isinstance(area, Disc)], dtype=float)
-        polygons = [np.array(area.points, dtype=float) for area in limits.keep_out if isinstance(area, Polygon)]
+        discs = np.array(
+            [[area.x, area.y, area.radius] for area in limits.keep_out if isinstance(area, Disc)],
+            dtype=float,
+        )
+        polygons = [
+            np.array(area.points, dtype=float)
+            for area in limits.keep_out
+            if isinstance(area, Polygon)
+        ]
         fence = None if limits.geofence is None else np.array(limits.geofence.points, dtype=float)
         return convex_areas(discs.reshape(-1, 3), polygons, fence)
 
@@ -170,7 +218,9 @@ class Trajectory:
         """The constraints, the AUVs being where they are expected."""
         ahead, room = expected(auvs)
         return Limits(
-            along=lambda positions, times: self.constraints.violation(positions, ahead(times), room),
+            along=lambda positions, times: self.constraints.violation(
+                positions, ahead(times), room
+            ),
             after=lambda poses: loiter_violation(self.constraints, poses, self.cna.min_turn_radius),
         )
 

@@ -48,47 +48,78 @@ class WholeMission:
     _: KW_ONLY
     filed: Annotated[Filed, "surveys and first covariances; the scenario's"]
     ping_interval: Annotated[float, "time between ranges [s]; default: the scenario's"]
-    sigma: Annotated[float, "standard deviation of a range [m], or squared range [m^2]; default: the scenario's"]
-    heading_sigma: Annotated[float, "standard deviation of a measured heading [rad]; default: the scenario's"]
-    ranging_kind: Annotated[Literal["range", "squared-range"], "what is measured; default: the scenario's"] = "range"
-    segment: Annotated[float | None, "time a turn is held [s]; default: up to half the time between ranges, longer in long missions"] = None
+    sigma: Annotated[
+        float, "standard deviation of a range [m], or squared range [m^2]; default: the scenario's"
+    ]
+    heading_sigma: Annotated[
+        float, "standard deviation of a measured heading [rad]; default: the scenario's"
+    ]
+    ranging_kind: Annotated[
+        Literal["range", "squared-range"], "what is measured; default: the scenario's"
+    ] = "range"
+    segment: Annotated[
+        float | None,
+        "time a turn is held [s]; default: up to half the time between ranges, longer in long missions",
+    ] = None
     starts: Annotated[int, "descents, at least 1"] = 24
     search_seed: Annotated[int, "of the descents' random turns, at least 0"] = 1
-    constraints: Annotated[Constraints, "limits on the aid vehicle's position; the scenario's"] = UNLIMITED
+    constraints: Annotated[Constraints, "limits on the aid vehicle's position; the scenario's"] = (
+        UNLIMITED
+    )
     decision_interval: Annotated[float, "time between decisions [s]; the scenario's"] = 1.0
 
     def __post_init__(self) -> None:
-        check_positive(self, ping_interval="s", sigma="m", heading_sigma="rad", decision_interval="s")
+        check_positive(
+            self, ping_interval="s", sigma="m", heading_sigma="rad", decision_interval="s"
+        )
         check_choices(self)
         check_at_least(self, starts=1, search_seed=0)
         step, ratio = self.filed.time_step, self.ping_interval / self.filed.time_step
         if not (0.5 < ratio < np.inf and abs(ratio - round(ratio)) < ROUNDING):
-            raise ValueError(f"ping_interval must be a whole multiple of the time step, {step:.6g} s, got {self.ping_interval} s")
+            raise ValueError(
+                f"ping_interval must be a whole multiple of the time step, {step:.6g} s, got {self.ping_interval} s"
+            )
         if self.segment is not None:
             self._check_segment(self.segment)
 
     def _check_segment(self, segment: float) -> None:
         ratio = segment / self.decision_interval
         if not (0.5 < ratio < np.inf and abs(ratio - round(ratio)) < ROUNDING):
-            raise ValueError(f"segment must be a whole multiple of the time between decisions, {self.decision_interval} s, got {segment} s")
+            raise ValueError(
+                f"segment must be a whole multiple of the time between decisions, {self.decision_interval} s, got {segment} s"
+            )
         if segment < self._least_segment * (1 - ROUNDING):
-            raise ValueError(f"segment must be at least {self._least_segment:.6g} s in a mission of this length, got {segment} s")
+            raise ValueError(
+                f"segment must be at least {self._least_segment:.6g} s in a mission of this length, got {segment} s"
+            )
 
     @property
     def _least_segment(self) -> float:
         """Shortest turn [s] of which no more than `MOST_TURNS` make the mission."""
-        return max(1, int(np.ceil(self.filed.time[-1] / MOST_TURNS / self.decision_interval - ROUNDING))) * self.decision_interval
+        return (
+            max(
+                1,
+                int(np.ceil(self.filed.time[-1] / MOST_TURNS / self.decision_interval - ROUNDING)),
+            )
+            * self.decision_interval
+        )
 
     @property
     def turn_duration(self) -> float:
         """Time each turn is held [s]: two between ranges take the vehicle to any place it can reach."""
         if self.segment is not None:
             return self.segment
-        return max(self._least_segment, np.floor(0.5 * self.ping_interval / self.decision_interval + ROUNDING) * self.decision_interval)
+        return max(
+            self._least_segment,
+            np.floor(0.5 * self.ping_interval / self.decision_interval + ROUNDING)
+            * self.decision_interval,
+        )
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Look up the turn of this time in the plan that the pose is on."""
-        return unusable(self, pose, auvs) or self.voyage(pose, time=time).decision(pose, time, len(auvs))
+        return unusable(self, pose, auvs) or self.voyage(pose, time=time).decision(
+            pose, time, len(auvs)
+        )
 
     def voyage(self, pose: Pose, *, time: float = 0.0) -> "Voyage":
         """The plan that a pose at a time is on; it is made where there is none."""
@@ -111,12 +142,21 @@ class WholeMission:
             violation=Limits(self, frame, first) if self.constraints else None,
             margin=MARGIN * self.cna.min_turn_radius,
         )
-        return Voyage(self.cna, pose, time, frame.mirror * plan.turn_rates, plan.hold * self.filed.time_step, plan)
+        return Voyage(
+            self.cna,
+            pose,
+            time,
+            frame.mirror * plan.turn_rates,
+            plan.hold * self.filed.time_step,
+            plan,
+        )
 
     def _mission(self, frame: "Frame", first: int) -> Mission:
         """What is known from a sample on, as seen by the vehicle there."""
         filed = self.filed
-        every = round(min(self.ping_interval / filed.time_step, filed.time.size))  # at most: none in the mission
+        every = round(
+            min(self.ping_interval / filed.time_step, filed.time.size)
+        )  # at most: none in the mission
         after = slice(first, None)
         courses = np.stack([np.cos(filed.heading[after]), np.sin(filed.heading[after])], axis=-1)
         total = filed.weights.sum()
@@ -127,7 +167,9 @@ class WholeMission:
             speed=np.round(filed.speed[after], PLACES),
             covariance=frame.seen_covariances(filed.covariance),
             process_noise=filed.process_noise,
-            weights=filed.weights / total if total > 0 else np.full(filed.weights.size, 1 / filed.weights.size),
+            weights=filed.weights / total
+            if total > 0
+            else np.full(filed.weights.size, 1 / filed.weights.size),
             compass=self.heading_sigma,
             ranging=Ranging(self.sigma, self.ranging_kind == "squared-range"),
             pings=np.arange(first // every * every + every, filed.time.size, every) - first,
@@ -189,13 +231,27 @@ class Limits:
     frame: Frame
     first: int
 
-    def __call__(self, positions: Float[np.ndarray, "*batch 2"], time: Float[np.ndarray, " *samples"]) -> Float[np.ndarray, "*batch"]:
+    def __call__(
+        self, positions: Float[np.ndarray, "*batch 2"], time: Float[np.ndarray, " *samples"]
+    ) -> Float[np.ndarray, "*batch"]:
         """Violation [m]; half the way of each vehicle between two samples is added, so that nothing between them is missed."""
-        limits, filed, world = self.planner.constraints, self.planner.filed, np.ascontiguousarray(self.frame.back(positions))
+        limits, filed, world = (
+            self.planner.constraints,
+            self.planner.filed,
+            np.ascontiguousarray(self.frame.back(positions)),
+        )
         at = (time / filed.time_step + self.first).round().astype(int).clip(max=filed.time.size - 1)
-        auvs = np.moveaxis(filed.position, 1, 0)[:, at, None]  # one after the other: each needs room of its own at each time
-        apart = [limits.separation_violation(world, auv) + room for auv, room in zip(auvs, self._room[:, at], strict=True)]
-        return np.max([limits.fixed_violation(world), *apart], axis=0) + 0.5 * self.planner.cna.speed * filed.time_step
+        auvs = np.moveaxis(filed.position, 1, 0)[
+            :, at, None
+        ]  # one after the other: each needs room of its own at each time
+        apart = [
+            limits.separation_violation(world, auv) + room
+            for auv, room in zip(auvs, self._room[:, at], strict=True)
+        ]
+        return (
+            np.max([limits.fixed_violation(world), *apart], axis=0)
+            + 0.5 * self.planner.cna.speed * filed.time_step
+        )
 
     @cached_property
     def _room(self) -> Float[np.ndarray, "auvs samples"]:
@@ -225,7 +281,13 @@ class Voyage:
     def poses(self, pose: Pose, begin: float, end: float) -> Float[np.ndarray, "some 3"]:
         """Poses (east, north, heading) at the ends of the turns between two times, from a pose on."""
         edges = self.begin + np.arange(1, self.turn_rates.size) * self.duration
-        times = np.concatenate([[begin], edges[(edges > begin + ROUNDING) & (edges < end - ROUNDING)], [max(begin, end)]])
+        times = np.concatenate(
+            [
+                [begin],
+                edges[(edges > begin + ROUNDING) & (edges < end - ROUNDING)],
+                [max(begin, end)],
+            ]
+        )
         stages = Stages(np.diff(times), np.zeros(times.size - 1))
         turns = np.array([self.turn_rate(float(time)) for time in times[:-1]])
         return manoeuvre_path(pose, Manoeuvre(turns, np.nan, 0.0, 0.0), stages, self.cna.speed)

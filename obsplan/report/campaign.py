@@ -22,11 +22,21 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 FOLDER = "report"
-OURS = ("medians.csv", "pairs.csv", "planners.png", "error-vs-*.png", "map-*.png")  # what a report may have left there before
+OURS = (
+    "medians.csv",
+    "pairs.csv",
+    "planners.png",
+    "error-vs-*.png",
+    "map-*.png",
+)  # what a report may have left there before
 SIGNIFICANT = 0.05  # of corrected p values
 MOST_ROWS = 40  # on a terminal
 MOST_SENTENCES = 3
-COLUMNS = {"rms_error_m": "RMS error [m]", "max_error_m": "Worst error [m]", "mean_nees": "NEES (2 if consistent)"}
+COLUMNS = {
+    "rms_error_m": "RMS error [m]",
+    "max_error_m": "Worst error [m]",
+    "mean_nees": "NEES (2 if consistent)",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,14 +64,21 @@ def write_campaign_report(folder: Path | str) -> CampaignReport:
         raise ObsplanError(f"{folder} has no missions yet; let `obsplan campaign` run first")
     by_cell, pairs = medians(table), paired(table)
     target = made(Path(folder) / FOLDER)
-    contents: dict[str, str | bytes] = {"medians.csv": by_cell.to_csv(index=False), "pairs.csv": pairs.to_csv(index=False)}
+    contents: dict[str, str | bytes] = {
+        "medians.csv": by_cell.to_csv(index=False),
+        "pairs.csv": pairs.to_csv(index=False),
+    }
     contents |= {name: png(draw) for name, draw in figures(table).items()}
     for name, content in contents.items():
         write_atomically(target / name, content)
-    for stale in {path for pattern in OURS for path in target.glob(pattern)} - {target / name for name in contents}:
+    for stale in {path for pattern in OURS for path in target.glob(pattern)} - {
+        target / name for name in contents
+    }:
         with suppress(OSError):
             stale.unlink()
-    return CampaignReport(medians=by_cell, pairs=pairs, sentences=sentences(by_cell, pairs), files=list(contents))
+    return CampaignReport(
+        medians=by_cell, pairs=pairs, sentences=sentences(by_cell, pairs), files=list(contents)
+    )
 
 
 def made(folder: Path) -> Path:
@@ -69,7 +86,9 @@ def made(folder: Path) -> Path:
     try:
         folder.mkdir(exist_ok=True)
     except OSError as error:
-        raise ObsplanError(f"{folder} cannot be made ({error.strerror}): make the campaign's folder writable, or copy it") from error
+        raise ObsplanError(
+            f"{folder} cannot be made ({error.strerror}): make the campaign's folder writable, or copy it"
+        ) from error
     return folder
 
 
@@ -80,7 +99,9 @@ def figures(table: "pd.DataFrame") -> dict[str, partial]:
     keys = [key for key in varied_keys(table) if table[key].nunique() > 1]
     drawn = {"planners.png": partial(planners_figure, table)}
     for key in keys:
-        drawn[f"error-vs-{key}.png"] = partial(key_figure, table, key, [other for other in keys if other != key])
+        drawn[f"error-vs-{key}.png"] = partial(
+            key_figure, table, key, [other for other in keys if other != key]
+        )
     for two in combinations(keys, 2):
         for scenario, part in table.dropna(subset=[*two]).groupby("scenario"):
             pooled = [key for key in keys if key not in two]
@@ -94,7 +115,9 @@ def campaign_table(by_cell: "pd.DataFrame") -> "Table":
     from rich.text import Text
 
     labels = list(by_cell.columns[: by_cell.columns.get_loc("missions")])
-    caption = f"and {len(by_cell) - MOST_ROWS} more in medians.csv" if len(by_cell) > MOST_ROWS else None
+    caption = (
+        f"and {len(by_cell) - MOST_ROWS} more in medians.csv" if len(by_cell) > MOST_ROWS else None
+    )
     table = Table(title=Text("Medians [95 % intervals]"), title_justify="left", caption=caption)
     for label in labels:
         table.add_column(Text(label))
@@ -102,7 +125,12 @@ def campaign_table(by_cell: "pd.DataFrame") -> "Table":
         table.add_column(Text(heading), justify="right")
     for row in by_cell.head(MOST_ROWS).to_dict("records"):
         figures_of = (interval(row[key], row[f"{key}_low"], row[f"{key}_high"]) for key in COLUMNS)
-        table.add_row(*(Text(worded(row[label])) for label in labels), f"{row['missions']}", f"{row['failed']}", *map(Text, figures_of))
+        table.add_row(
+            *(Text(worded(row[label])) for label in labels),
+            f"{row['missions']}",
+            f"{row['failed']}",
+            *map(Text, figures_of),
+        )
     return table
 
 
@@ -122,7 +150,9 @@ def sentences(by_cell: "pd.DataFrame", pairs: "pd.DataFrame") -> list[str]:
     else:
         said = [tally([winner(group) for group in groups.values()])]
     if failed := int(by_cell["failed"].sum()):
-        said.append(f"{failed} of {int(by_cell['missions'].sum())} missions failed and are left out of all medians and comparisons.")
+        said.append(
+            f"{failed} of {int(by_cell['missions'].sum())} missions failed and are left out of all medians and comparisons."
+        )
     return said
 
 
@@ -131,8 +161,10 @@ def tally(winners: list[str | None]) -> str:
     counts = Counter(planner for planner in winners if planner is not None)
     won = "; ".join(f"{planner} in {count}" for planner, count in counts.most_common())
     none = f"in {winners.count(None)} chance could explain the lead"
+    settings = f"of {len(winners)} settings"
+    leads = f"{won}; {none}" if won else none
     return (
-        f"Lowest error of all planners under the same noise, of {len(winners)} settings: {f'{won}; ' if won else ''}{none} (see pairs.csv)."
+        f"Lowest error of all planners under the same noise, {settings}: {leads} (see pairs.csv)."
     )
 
 
@@ -144,12 +176,22 @@ def winner(group: "pd.DataFrame") -> str | None:
             better, worse = (row["planner"], row["against"])[:: 1 if row["difference"] < 0 else -1]
             beaten.setdefault(better, set()).add(worse)
     planners = {*group["planner"], *group["against"]}
-    return next((planner for planner, others in beaten.items() if others == planners - {planner}), None)
+    return next(
+        (planner for planner, others in beaten.items() if others == planners - {planner}), None
+    )
 
 
 def verdict(labels: list[str], values: tuple, group: "pd.DataFrame") -> str:
     """Which planner has the lowest error in one setting, and by how much."""
-    where = ", ".join([values[0], *(f"{key} = {worded(value)}" for key, value in zip(labels[1:], values[1:], strict=True))])
+    where = ", ".join(
+        [
+            values[0],
+            *(
+                f"{key} = {worded(value)}"
+                for key, value in zip(labels[1:], values[1:], strict=True)
+            ),
+        ]
+    )
     best = winner(group)
     if best is None:
         return f"{where}: no planner leads all others by more than chance could explain."

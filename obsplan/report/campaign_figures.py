@@ -37,7 +37,14 @@ def planners_figure(table: "pd.DataFrame") -> Figure:
             errors = here.loc[here["planner"] == planner, ERROR].dropna()
             if errors.size:
                 row = summary.loc[(scenario, planner)]
-                axes.plot(errors.quantile(RANGE), [y, y], color=colour(y), lw=7, alpha=0.3, solid_capstyle="butt")
+                axes.plot(
+                    errors.quantile(RANGE),
+                    [y, y],
+                    color=colour(y),
+                    lw=7,
+                    alpha=0.3,
+                    solid_capstyle="butt",
+                )
                 axes.plot([row[f"{ERROR}_low"], row[f"{ERROR}_high"]], [y, y], color=AID, lw=1.6)
                 axes.plot(row[ERROR], y, "o", color=colour(y), ms=6, mec="white", mew=0.6)
         axes.set_yticks(range(len(planners)), planners)
@@ -46,7 +53,12 @@ def planners_figure(table: "pd.DataFrame") -> Figure:
         axes.set_xlabel(LABEL)
         scaled(axes.xaxis, here[ERROR].quantile(RANGE).to_numpy())
     pooled = together([key for key in varied_keys(table) if table[key].nunique() > 1])
-    figure.suptitle(f"Dot and line: median and its 95 % interval; bar: 5th to 95th percentile{pooled}", x=0.01, ha="left", fontsize=9)
+    figure.suptitle(
+        f"Dot and line: median and its 95 % interval; bar: 5th to 95th percentile{pooled}",
+        x=0.01,
+        ha="left",
+        fontsize=9,
+    )
     return figure
 
 
@@ -62,8 +74,14 @@ def key_figure(table: "pd.DataFrame", key: str, pooled: Sequence[str] = ()) -> F
         here = summary[summary["scenario"] == scenario].dropna(subset=[key, ERROR])
         for i, planner in enumerate(planners):
             line = here[here["planner"] == planner]
-            x = line[key].to_numpy(dtype=float) if numeric else np.array([values.index(value) for value in line[key]], dtype=float)
-            axes.fill_between(x, line[f"{ERROR}_low"], line[f"{ERROR}_high"], color=colour(i), alpha=0.2, lw=0)
+            x = (
+                line[key].to_numpy(dtype=float)
+                if numeric
+                else np.array([values.index(value) for value in line[key]], dtype=float)
+            )
+            axes.fill_between(
+                x, line[f"{ERROR}_low"], line[f"{ERROR}_high"], color=colour(i), alpha=0.2, lw=0
+            )
             axes.plot(x, line[ERROR], "o-", color=colour(i), ms=4, lw=1.2, label=planner)
         if numeric:
             scaled(axes.xaxis, np.array(values, dtype=float), from_zero=False)
@@ -74,7 +92,9 @@ def key_figure(table: "pd.DataFrame", key: str, pooled: Sequence[str] = ()) -> F
         axes.set_xlabel(key)
         axes.set_ylabel(f"Median {LABEL}")
         axes.legend(fontsize=8)
-    figure.suptitle(f"Median and its 95 % interval{together(pooled)}", x=0.01, ha="left", fontsize=9)
+    figure.suptitle(
+        f"Median and its 95 % interval{together(pooled)}", x=0.01, ha="left", fontsize=9
+    )
     return figure
 
 
@@ -82,7 +102,9 @@ def map_figure(table: "pd.DataFrame", keys: tuple[str, str], pooled: Sequence[st
     """Draw one scenario's median error over two varied keys, a panel per planner on one colour scale; other keys are pooled."""
     planners = names(table, "planner")
     grids = {
-        planner: table[table["planner"] == planner].pivot_table(index=keys[1], columns=keys[0], values=ERROR, aggfunc="median")
+        planner: table[table["planner"] == planner].pivot_table(
+            index=keys[1], columns=keys[0], values=ERROR, aggfunc="median"
+        )
         for planner in planners
     }
     figure = Figure(figsize=(WIDTH, PANEL * len(grids) + 0.4), layout="constrained")

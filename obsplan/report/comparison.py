@@ -13,11 +13,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
 
-FIGURES = {"rms_error_m": "RMS error [m]", "max_error_m": "Worst error [m]", "separation_mean_m": "Mean separation [m]"}
+FIGURES = {
+    "rms_error_m": "RMS error [m]",
+    "max_error_m": "Worst error [m]",
+    "separation_mean_m": "Mean separation [m]",
+}
 DECADE = 10.0  # ratio of the greatest to the least beyond which an axis is logarithmic
 WIDTH, ROW = 10.0, 0.5  # of the figure, of a planner [inch]
 
-Rows = Sequence[dict[str, Any]]  # of each mission: planner, seed and the figures of merit over all AUVs
+Rows = Sequence[
+    dict[str, Any]
+]  # of each mission: planner, seed and the figures of merit over all AUVs
 
 
 def compare_table(rows: Rows) -> "Table":
@@ -31,18 +37,26 @@ def compare_table(rows: Rows) -> "Table":
     for heading in FIGURES.values():
         table.add_column(Text(heading), justify="right")
     for planner in ranked(rows):
-        table.add_row(Text(planner), *(Text(spread(values_of(rows, planner, key))) for key in FIGURES))
+        table.add_row(
+            Text(planner), *(Text(spread(values_of(rows, planner, key))) for key in FIGURES)
+        )
     return table
 
 
 def ranked(rows: Rows) -> list[str]:
     """Planners by their median RMS error; of equals the one given first."""
-    return sorted(dict.fromkeys(row["planner"] for row in rows), key=lambda planner: np.median(values_of(rows, planner, "rms_error_m")))
+    return sorted(
+        dict.fromkeys(row["planner"] for row in rows),
+        key=lambda planner: np.median(values_of(rows, planner, "rms_error_m")),
+    )
 
 
 def values_of(rows: Rows, planner: str, key: str) -> Float[np.ndarray, " seeds"]:
     """One figure of merit of all missions of a planner, inf where the filter failed."""
-    return np.array([np.inf if row[key] is None else row[key] for row in rows if row["planner"] == planner], dtype=float)
+    return np.array(
+        [np.inf if row[key] is None else row[key] for row in rows if row["planner"] == planner],
+        dtype=float,
+    )
 
 
 def spread(values: Float[np.ndarray, " seeds"]) -> str:
@@ -50,7 +64,11 @@ def spread(values: Float[np.ndarray, " seeds"]) -> str:
     if failed := np.count_nonzero(np.isinf(values)):
         return f"{failed} of {values.size} failed"
     first, median, third = np.quantile(values, [0.25, 0.5, 0.75])
-    return cell(median, 2) if values.size == 1 else f"{cell(median, 2)} [{cell(first, 2)}, {cell(third, 2)}]"
+    return (
+        cell(median, 2)
+        if values.size == 1
+        else f"{cell(median, 2)} [{cell(first, 2)}, {cell(third, 2)}]"
+    )
 
 
 def compare_figure(rows: Rows, title: str = "") -> "Figure":
@@ -67,7 +85,9 @@ def compare_figure(rows: Rows, title: str = "") -> "Figure":
     panels[0].set_yticks(range(len(planners)), planners)
     panels[0].set_ylim(len(planners) - 0.5, -0.5)
     key = "dot: one mission; bar: median and quartiles" if len(rows) > len(planners) else ""
-    figure.suptitle(";  ".join(part for part in (title, key) if part), x=0.01, ha="left", fontsize=11)
+    figure.suptitle(
+        ";  ".join(part for part in (title, key) if part), x=0.01, ha="left", fontsize=11
+    )
     return figure
 
 

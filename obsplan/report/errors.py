@@ -22,9 +22,13 @@ def errors_figure(run: Run) -> Figure:
     time, label = time_axis(run.time)
     for i in range(rows - 1):
         for axis, name in enumerate(("East", "North")):
-            _draw_error(figure.add_subplot(grid[i, 2 * axis : 2 * axis + 2]), run, time, i, axis, name)
+            _draw_error(
+                figure.add_subplot(grid[i, 2 * axis : 2 * axis + 2]), run, time, i, axis, name
+            )
         _draw_distance(figure.add_subplot(grid[i, 4:]), run, time, i)
-    lower = [_draw_separation, _draw_nees] + ([_draw_condition] if np.isfinite(run.condition).any() else [])
+    lower = [_draw_separation, _draw_nees] + (
+        [_draw_condition] if np.isfinite(run.condition).any() else []
+    )
     for k, draw in enumerate(lower):
         span = 6 // len(lower)
         draw(figure.add_subplot(grid[-1, k * span : (k + 1) * span]), run, time)
@@ -33,7 +37,12 @@ def errors_figure(run: Run) -> Figure:
     for axes in figure.axes[-len(lower) :]:
         axes.set_xlabel(label)
     if len(run.names) > 1:
-        figure.legend(*figure.axes[-len(lower)].get_legend_handles_labels(), loc="outside lower center", ncols=8, fontsize=8)
+        figure.legend(
+            *figure.axes[-len(lower)].get_legend_handles_labels(),
+            loc="outside lower center",
+            ncols=8,
+            fontsize=8,
+        )
     figure.suptitle(
         f"{run.scenario.table.name}, {run.planner}: RMS position error {run.rms_error:.2f} m, worst {run.max_error:.2f} m",
         x=0.01,
@@ -43,7 +52,9 @@ def errors_figure(run: Run) -> Figure:
     return figure
 
 
-def _line(axes: Axes, time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"], **how: object) -> None:
+def _line(
+    axes: Axes, time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"], **how: object
+) -> None:
     """A line over time, thinned."""
     shown = outline(values)
     axes.plot(time[shown], values[shown], **how)  # pyright: ignore[reportArgumentType]
@@ -54,11 +65,15 @@ def _highest(errors: Float[np.ndarray, " n"], stated: Float[np.ndarray, " n"]) -
     return 1.1 * float(max(np.nanmax(errors), np.nanquantile(stated, 0.98))) or 1.0
 
 
-def _draw_error(axes: Axes, run: Run, time: Float[np.ndarray, " n"], i: int, axis: int, name: str) -> None:
+def _draw_error(
+    axes: Axes, run: Run, time: Float[np.ndarray, " n"], i: int, axis: int, name: str
+) -> None:
     error = run.mean[i, :, axis] - run.truth[i, :, axis]
     band = SIGMAS * np.sqrt(np.maximum(run.covariance[i, :, axis, axis], 0.0))
     shown = outline(band)
-    axes.fill_between(time[shown], -band[shown], band[shown], color=colour(i), alpha=0.2, lw=0, label="±3σ")
+    axes.fill_between(
+        time[shown], -band[shown], band[shown], color=colour(i), alpha=0.2, lw=0, label="±3σ"
+    )
     _line(axes, time, error, color=colour(i), lw=0.8, label="error")
     axes.axhline(0.0, color=FAINT, lw=0.5)
     highest = _highest(np.abs(error), band)

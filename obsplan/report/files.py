@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from obsplan import geo
 from obsplan.files import write_atomically
-from obsplan.missions import Mission, write_geojson, write_waypoints
+from obsplan.missions import Mission, Track, write_geojson, write_waypoints
 from obsplan.planners import name_of
 from obsplan.recording import write_netcdf
 from obsplan.report.comparison import Rows, compare_figure
@@ -55,7 +55,11 @@ def free_folder(out: Path | None, name: str) -> Path:
     ObsplanError
         The folder asked for exists, or nothing can be made where it should be.
     """
-    folder = out or next(p for p in (Path(name if n == 1 else f"{name}-{n}") for n in count(1)) if not os.path.lexists(p))
+    folder = out or next(
+        p
+        for p in (Path(name if n == 1 else f"{name}-{n}") for n in count(1))
+        if not os.path.lexists(p)
+    )
     _check_free(folder)
     return folder
 
@@ -75,12 +79,16 @@ def write_run(run: Run, folder: Path | str) -> None:
     from obsplan.report.map import map_figure
     from obsplan.report.style import png
 
+    tracks = {name: Track(points=points) for name, points in geographic_tracks(run).items()}
     with new_folder(Path(folder)) as made:
         write_atomically(made / "scenario.toml", scenario_toml(run))
         write_netcdf(run, made / "tracks.nc")
         write_atomically(made / "tracks.csv", tracks_csv(run))
-        write_geojson(made / "path.geojson", Mission(tracks=geographic_tracks(run), geographic=True))
-        write_waypoints(made / "path.waypoints", Mission(tracks={"cna": geographic_tracks(run)["cna"]}, geographic=True))
+        write_geojson(made / "path.geojson", Mission(tracks=tracks, geographic=True))
+        write_waypoints(
+            made / "path.waypoints",
+            Mission(tracks={"cna": tracks["cna"]}, geographic=True),
+        )
         write_atomically(made / "map.png", png(partial(map_figure, run), trim=True))
         write_atomically(made / "errors.png", png(partial(errors_figure, run)))
         write_atomically(made / "summary.json", as_json(run.summary()))
@@ -124,7 +132,9 @@ def new_folder(folder: Path) -> Iterator[Path]:
         reason = error if isinstance(error, OSError) else error.__cause__
         if not isinstance(reason, OSError):
             raise
-        raise ObsplanError(f"{folder} cannot be written ({reason.strerror}): choose another folder, or make room") from error
+        raise ObsplanError(
+            f"{folder} cannot be written ({reason.strerror}): choose another folder, or make room"
+        ) from error
     finally:
         shutil.rmtree(made, ignore_errors=True)  # renamed, unless something went wrong
 
@@ -132,20 +142,34 @@ def new_folder(folder: Path) -> Iterator[Path]:
 def _check_free(folder: Path) -> None:
     """Refuse a folder that cannot be made."""
     if os.path.lexists(folder):
-        raise ObsplanError(f"{folder} exists and is not overwritten: give another folder, or remove it first")
+        raise ObsplanError(
+            f"{folder} exists and is not overwritten: give another folder, or remove it first"
+        )
     if not folder.parent.is_dir():
-        raise ObsplanError(f"{folder} cannot be made, because {folder.parent} is not a folder: make that first, or give another")
+        raise ObsplanError(
+            f"{folder} cannot be made, because {folder.parent} is not a folder: make that first, or give another"
+        )
     if not os.access(folder.parent, os.W_OK | os.X_OK):
-        raise ObsplanError(f"{folder} cannot be made, because {folder.parent} cannot be written to: give another folder")
+        raise ObsplanError(
+            f"{folder} cannot be made, because {folder.parent} cannot be written to: give another folder"
+        )
 
 
 def scenario_toml(run: Run) -> str:
     """The scenario as a file that gives this run again, with nothing left to a default."""
     data: dict[str, Any] = run.scenario.resolved() | {"seed": run.seed}
     document = tomlkit.document()
-    document.add(tomlkit.comment(f"{data['name']} as it was run: every key, mission files replaced by their waypoints"))
+    document.add(
+        tomlkit.comment(
+            f"{data['name']} as it was run: every key, mission files replaced by their waypoints"
+        )
+    )
     if name_of(run.scenario.planner()) != run.planner:
-        document.add(tomlkit.comment(f"but steered by {run.planner}, a planner given from code, which this file cannot name"))
+        document.add(
+            tomlkit.comment(
+                f"but steered by {run.planner}, a planner given from code, which this file cannot name"
+            )
+        )
     for key, value in data.items():
         if not isinstance(value, dict) and key != "auv":
             document.add(key, value)
@@ -187,9 +211,19 @@ def tracks_csv(run: Run) -> str:
     sigma = np.sqrt(np.maximum(np.diagonal(run.covariance, axis1=2, axis2=3), 0.0))
     per_auv = []
     for i, name in enumerate(run.names):
-        figures = (*run.truth[i, :, :3].T, *run.mean[i, :, :2].T, *sigma[i, :, :2].T, run.error[i], ranges(run)[i])
+        figures = (
+            *run.truth[i, :, :3].T,
+            *run.mean[i, :, :2].T,
+            *sigma[i, :, :2].T,
+            run.error[i],
+            ranges(run)[i],
+        )
         per_auv.append([*columns, [name] * run.time.size, *(rounded(figure) for figure in figures)])
-    rows = (row for at_once in zip(*(zip(*auv, strict=True) for auv in per_auv), strict=True) for row in at_once)
+    rows = (
+        row
+        for at_once in zip(*(zip(*auv, strict=True) for auv in per_auv), strict=True)
+        for row in at_once
+    )
     return table_csv([TRACK_COLUMNS, *rows])
 
 
@@ -203,7 +237,10 @@ def ranges(run: Run) -> Float[np.ndarray, "auvs samples"]:
 def rounded(values: Any) -> Any:
     """Numbers as text to `DECIMALS`, nan as nothing; names and whole numbers as they are."""
     if isinstance(values, np.ndarray):
-        return ["" if value != value else f"{value:.{DECIMALS}f}" for value in (values.round(DECIMALS) + 0.0).tolist()]  # no -0.000000
+        return [
+            "" if value != value else f"{value:.{DECIMALS}f}"
+            for value in (values.round(DECIMALS) + 0.0).tolist()
+        ]  # no -0.000000
     return f"{round(values, DECIMALS) + 0.0:.{DECIMALS}f}" if isinstance(values, float) else values
 
 
@@ -224,7 +261,12 @@ def geographic_tracks(run: Run) -> dict[str, Float[np.ndarray, "_ 2"]]:
         tracks |= {f"{name}-truth": run.truth[i, :, :2], f"{name}-estimate": run.mean[i, :, :2]}
     origin = run.scenario.table.origin
     known = {name: xy[np.isfinite(xy).all(axis=1)] for name, xy in tracks.items()}
-    return {name: geo.to_geographic(xy[: None if np.ptp(xy, axis=0).any() else 1], (origin.lat, origin.lon)) for name, xy in known.items()}
+    return {
+        name: geo.to_geographic(
+            xy[: None if np.ptp(xy, axis=0).any() else 1], (origin.lat, origin.lon)
+        )
+        for name, xy in known.items()
+    }
 
 
 def timing(run: Run) -> dict[str, float | None]:

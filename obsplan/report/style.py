@@ -46,7 +46,13 @@ def png(draw: Callable[[], Figure], *, trim: bool = False) -> bytes:
     """Draw a figure without any window system, its white margins off if asked; the bytes say neither when nor by whom they were made."""
     buffer = io.BytesIO()
     with styled():
-        draw().savefig(buffer, format="png", dpi=DPI, bbox_inches="tight" if trim else None, metadata={"Software": None})
+        draw().savefig(
+            buffer,
+            format="png",
+            dpi=DPI,
+            bbox_inches="tight" if trim else None,
+            metadata={"Software": None},
+        )
     return buffer.getvalue()
 
 

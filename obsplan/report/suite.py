@@ -41,7 +41,9 @@ class Suite:
     planners: "pd.DataFrame"
 
 
-def read_suite(table: "pd.DataFrame", bounds: dict[str, float], decision_ms: dict[str, float]) -> Suite:
+def read_suite(
+    table: "pd.DataFrame", bounds: dict[str, float], decision_ms: dict[str, float]
+) -> Suite:
     """Read a campaign's table.
 
     Parameters
@@ -53,14 +55,33 @@ def read_suite(table: "pd.DataFrame", bounds: dict[str, float], decision_ms: dic
     decision_ms
         Median time of a decision, per planner [ms].
     """
-    cells = medians(table)[["scenario", "planner", "missions", "failed", "rms_error_m", "pcrb_rms_m", "violation_max_m"]]
+    cells = medians(table)[
+        [
+            "scenario",
+            "planner",
+            "missions",
+            "failed",
+            "rms_error_m",
+            "pcrb_rms_m",
+            "violation_max_m",
+        ]
+    ]
     keys = ["scenario", "planner"]
-    cells["violation_max_m"] = table.groupby(keys)["violation_max_m"].max().reindex(cells.set_index(keys).index).to_numpy()
-    errors = table.pivot_table(index=["scenario", "seed"], columns="planner", values="rms_error_m", dropna=False)
-    flown = cells.dropna(subset="rms_error_m")  # a planner that always failed has no error, and is infinitely worse than any other
+    cells["violation_max_m"] = (
+        table.groupby(keys)["violation_max_m"].max().reindex(cells.set_index(keys).index).to_numpy()
+    )
+    errors = table.pivot_table(
+        index=["scenario", "seed"], columns="planner", values="rms_error_m", dropna=False
+    )
+    flown = cells.dropna(
+        subset="rms_error_m"
+    )  # a planner that always failed has no error, and is infinitely worse than any other
     best = flown.loc[flown.groupby("scenario")["rms_error_m"].idxmin()].set_index("scenario")
     against = [best["planner"].get(scenario, "") for scenario in cells["scenario"]]
-    p = [_p(errors.loc[s], one, other) for s, one, other in zip(cells["scenario"], cells["planner"], against, strict=True)]
+    p = [
+        _p(errors.loc[s], one, other)
+        for s, one, other in zip(cells["scenario"], cells["planner"], against, strict=True)
+    ]
     cells = cells.assign(
         ratio=(cells["rms_error_m"] / cells["scenario"].map(best["rms_error_m"])).fillna(np.inf),
         p=p,
@@ -78,7 +99,9 @@ def read_suite(table: "pd.DataFrame", bounds: dict[str, float], decision_ms: dic
         violation_max_m=("violation_max_m", "max"),
     ).reset_index()
     planners["decision_ms"] = planners["planner"].map(decision_ms)
-    return Suite(cells=cells, planners=planners.sort_values(["mean_ratio", "planner"], ignore_index=True))
+    return Suite(
+        cells=cells, planners=planners.sort_values(["mean_ratio", "planner"], ignore_index=True)
+    )
 
 
 def _p(errors: "pd.DataFrame", one: str, other: str) -> float:
@@ -100,7 +123,9 @@ def missions_of(cells: "tuple[Cell, ...]", table: "pd.DataFrame", folder: Path) 
     keys = list(zip(table["scenario"], table["planner"], table["seed"], strict=True))
     found = table[[key in planned for key in keys]]
     if len(found) > len(planned) or sum(len(cell.seeds) for cell in cells) > len(planned):
-        raise ObsplanError(f"{folder} has missions of these planners under several settings; give each --set one value, or another --out")
+        raise ObsplanError(
+            f"{folder} has missions of these planners under several settings; give each --set one value, or another --out"
+        )
     return found
 
 
@@ -115,7 +140,14 @@ def decision_time(scenario: Scenario) -> float:
     """Median time of a decision of the scenario's planner, called between the steps of the mission [ms]."""
     planner = scenario.planner()
     walked = planner if expression_of(planner) is None else SimpleNamespace(plan=planner.plan)
-    return float(np.median(ClosedLoop(scenario=scenario, planner=walked).fly(scenario.table.seed).timing.decision_seconds) * 1e3)
+    return float(
+        np.median(
+            ClosedLoop(scenario=scenario, planner=walked)
+            .fly(scenario.table.seed)
+            .timing.decision_seconds
+        )
+        * 1e3
+    )
 
 
 def suite_table(suite: Suite) -> "Table":
@@ -123,11 +155,31 @@ def suite_table(suite: Suite) -> "Table":
     from rich.table import Table
 
     n = suite.cells["scenario"].nunique()
-    headings = (f"Lowest of {n}", "Or equal", "Mean ratio", "Worst ratio", "in", "Efficiency", "Decision [ms]")
-    table = Table("Planner", *headings, title="RMS error against the best planner of each scenario", title_justify="left")
+    headings = (
+        f"Lowest of {n}",
+        "Or equal",
+        "Mean ratio",
+        "Worst ratio",
+        "in",
+        "Efficiency",
+        "Decision [ms]",
+    )
+    table = Table(
+        "Planner",
+        *headings,
+        title="RMS error against the best planner of each scenario",
+        title_justify="left",
+    )
     for row in suite.planners.itertuples():
-        numbers = (f"{row.mean_ratio:.2f}", f"{row.worst_ratio:.2f}", str(row.worst_scenario), f"{row.efficiency:.2f}")
-        table.add_row(row.planner, str(row.wins), str(int(row.ties)), *numbers, f"{row.decision_ms:.2f}")
+        numbers = (
+            f"{row.mean_ratio:.2f}",
+            f"{row.worst_ratio:.2f}",
+            str(row.worst_scenario),
+            f"{row.efficiency:.2f}",
+        )
+        table.add_row(
+            row.planner, str(row.wins), str(int(row.ties)), *numbers, f"{row.decision_ms:.2f}"
+        )
     return table
 
 
@@ -137,15 +189,31 @@ def scenario_table(suite: Suite) -> "Table":
 
     first = suite.planners["planner"].iloc[0]
     table = Table(
-        "Scenario", "RMS [m]", "Best other", "RMS [m]", "Ratio", "p", "Efficiency", title=f"{first}, by scenario", title_justify="left"
+        "Scenario",
+        "RMS [m]",
+        "Best other",
+        "RMS [m]",
+        "Ratio",
+        "p",
+        "Efficiency",
+        title=f"{first}, by scenario",
+        title_justify="left",
     )
     for name, cells in suite.cells.groupby("scenario"):
-        own, others = cells[cells["planner"] == first].iloc[0], cells[cells["planner"] != first].dropna(subset=["rms_error_m"])
+        own, others = (
+            cells[cells["planner"] == first].iloc[0],
+            cells[cells["planner"] != first].dropna(subset=["rms_error_m"]),
+        )
         errors, rival = f"{own.rms_error_m:.2f}", ("", "", "", "")
         if len(others):
             other = others.loc[others["rms_error_m"].idxmin()]
             p = other.p if own.ratio == 1.0 else own.p
-            rival = (str(other.planner), f"{other.rms_error_m:.2f}", f"{own.rms_error_m / other.rms_error_m:.2f}", f"{p:.2g}")
+            rival = (
+                str(other.planner),
+                f"{other.rms_error_m:.2f}",
+                f"{own.rms_error_m / other.rms_error_m:.2f}",
+                f"{p:.2g}",
+            )
         table.add_row(str(name), errors, *rival, f"{own.efficiency:.2f}")
     return table
 
@@ -156,14 +224,21 @@ def suite_figure(suite: Suite) -> "Figure":
     from matplotlib.figure import Figure
 
     planners, scenarios = list(suite.planners["planner"]), sorted(suite.cells["scenario"].unique())
-    grid = suite.cells.pivot_table(index="scenario", columns="planner", values=["ratio", "rms_error_m", "ties"]).loc[scenarios]
+    grid = suite.cells.pivot_table(
+        index="scenario", columns="planner", values=["ratio", "rms_error_m", "ties"]
+    ).loc[scenarios]
     ratio = grid["ratio"][planners].to_numpy(dtype=float)
-    figure = Figure(figsize=(2.2 + 0.95 * len(planners), 1.4 + 0.32 * len(scenarios)), layout="constrained")
+    figure = Figure(
+        figsize=(2.2 + 0.95 * len(planners), 1.4 + 0.32 * len(scenarios)), layout="constrained"
+    )
     axes = figure.subplots()
     image = axes.imshow(ratio, norm=LogNorm(1.0, SHOWN_WORST), cmap="YlOrBr", aspect="auto")
     for (i, j), times in np.ndenumerate(ratio):
         error, tied = grid["rms_error_m"][planners].iloc[i, j], grid["ties"][planners].iloc[i, j]
-        style = {"weight": "bold" if tied else "normal", "color": "white" if times > SHOWN_WORST / 2 else "black"}
+        style = {
+            "weight": "bold" if tied else "normal",
+            "color": "white" if times > SHOWN_WORST / 2 else "black",
+        }
         axes.text(j, i, f"{error:.2f}", ha="center", va="center", fontsize=8, **style)
     axes.set_xticks(range(len(planners)), planners, rotation=30, ha="right")
     axes.set_yticks(range(len(scenarios)), scenarios)
@@ -172,7 +247,12 @@ def suite_figure(suite: Suite) -> "Figure":
     bar = figure.colorbar(image, label="times the best", extend="max", ticks=ticks)
     bar.ax.set_yticklabels([f"{tick:g}" for tick in ticks])
     bar.ax.minorticks_off()
-    figure.suptitle("Median RMS position error [m]; bold: the best, or not distinguishable from it", x=0.01, ha="left", fontsize=10)
+    figure.suptitle(
+        "Median RMS position error [m]; bold: the best, or not distinguishable from it",
+        x=0.01,
+        ha="left",
+        fontsize=10,
+    )
     return figure
 
 

@@ -9,7 +9,10 @@ from formulations.solution import Status
 from obsplan.report.words import metres, moment, percent
 from obsplan.run import Run
 
-OVERCONFIDENT, CAUTIOUS = 4.0, 0.5  # mean NEES, 2 if consistent: errors sqrt(2) times, or half, what the filter states
+OVERCONFIDENT, CAUTIOUS = (
+    4.0,
+    0.5,
+)  # mean NEES, 2 if consistent: errors sqrt(2) times, or half, what the filter states
 INSIDE = 5.991  # NEES on the 95 % ellipse: chi-square with 2 degrees
 LOST = 5.0  # [σ] median error in the second half of the mission
 AGREE = 0.2  # of the median error: a distance so much smaller explains it
@@ -30,8 +33,15 @@ def verdicts(run: Run) -> list[str]:
 def planner_notes(run: Run) -> list[str]:
     """Say which decisions were not the optimum of what was asked, and what to do about it."""
     total = sum(run.status_counts.values())
-    odd = [status for status in Status if status not in (Status.OPTIMAL, Status.CLIPPED) and status.label in run.status_counts]
-    return [f"{run.planner}: {run.status_counts[s.label]} of {total} decisions {s.label}: {s.advice}." for s in odd]
+    odd = [
+        status
+        for status in Status
+        if status not in (Status.OPTIMAL, Status.CLIPPED) and status.label in run.status_counts
+    ]
+    return [
+        f"{run.planner}: {run.status_counts[s.label]} of {total} decisions {s.label}: {s.advice}."
+        for s in odd
+    ]
 
 
 def sentence(run: Run, i: int, figures: dict[str, Any]) -> str:
@@ -69,12 +79,15 @@ def explain_loss(run: Run, i: int) -> str:
     images = (2.0 * cna - truth, mirror(truth, run.cna[:, :2]))
     if any(np.median(np.hypot(*(mean - image).T)) < tolerance for image in images):
         return (
-            "the filter is locked on a mirror image, whose ranges are the same: a straight or stationary aid vehicle cannot tell it apart"
+            "the filter is locked on a mirror image, whose ranges are the same: "
+            "a straight or stationary aid vehicle cannot tell it apart"
         )
     return "the ranges fit although the position does not: give it a better first estimate, or an aid vehicle that goes round it"
 
 
-def mirror(points: Float[np.ndarray, "n 2"], path: Float[np.ndarray, "samples 2"]) -> Float[np.ndarray, "n 2"]:
+def mirror(
+    points: Float[np.ndarray, "n 2"], path: Float[np.ndarray, "samples 2"]
+) -> Float[np.ndarray, "n 2"]:
     """Reflect points across the line that fits a path best."""
     center = path.mean(axis=0)
     along = np.linalg.svd(path - center, full_matrices=False)[2][0]
@@ -89,14 +102,20 @@ def _against_bound(figures: dict[str, Any]) -> str:
         return ""
     ratio = figures["rms_error_m"] / pcrb
     this = f"{ratio:.1f} times its" if ratio > 1 else "below its average"
-    any_path = f", which no path brings below {metres(least)} (efficiency {percent(least / pcrb)})" if least else ""
+    any_path = (
+        f", which no path brings below {metres(least)} (efficiency {percent(least / pcrb)})"
+        if least
+        else ""
+    )
     return f", {this} Cramér–Rao bound of {metres(pcrb)}{any_path}"
 
 
 def _consistency(nees: Float[np.ndarray, " samples"], mean: float | None) -> str:
     if mean is None:
         return ""
-    word = "overconfident" if mean > OVERCONFIDENT else "cautious" if mean < CAUTIOUS else "consistent"
+    word = (
+        "overconfident" if mean > OVERCONFIDENT else "cautious" if mean < CAUTIOUS else "consistent"
+    )
     inside = float(np.mean(nees[np.isfinite(nees)] <= INSIDE))
     return f"filter {word} (NEES {mean:.3g} where 2 is expected, inside its 95 % ellipse {percent(inside)} of the time)"
 
@@ -115,4 +134,8 @@ def _ambiguity(run: Run, i: int) -> str:
 
 
 def _reach(farthest: float) -> str:
-    return f"beware, {metres(farthest)} apart, where acoustic modems reach {metres(FARTHEST)} at best" if farthest > FARTHEST else ""
+    return (
+        f"beware, {metres(farthest)} apart, where acoustic modems reach {metres(FARTHEST)} at best"
+        if farthest > FARTHEST
+        else ""
+    )

@@ -14,7 +14,11 @@ def moment(run: Run, k: int) -> str:
     if k <= max(run.scenario.ping_every, start * run.time.size):
         return "at the start"
     longest = 600.0  # [s]; more are told in minutes
-    return f"after {run.time[k]:.0f} s" if run.time[k] <= longest else f"after {run.time[k] / 60:.1f} min"
+    return (
+        f"after {run.time[k]:.0f} s"
+        if run.time[k] <= longest
+        else f"after {run.time[k] / 60:.1f} min"
+    )
 
 
 def percent(share: float) -> str:

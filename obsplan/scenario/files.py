@@ -86,7 +86,9 @@ def find(name: str | Path) -> Path:
     path = Path(name)
     if path.suffix != ".toml" and not path.exists():
         if str(name) not in shipped() + suite():
-            raise ObsplanError(f'no scenario "{name}" is shipped and no such file exists; {nearest(str(name), shipped())}')
+            raise ObsplanError(
+                f'no scenario "{name}" is shipped and no such file exists; {nearest(str(name), shipped())}'
+            )
         return SHIPPED / f"{name}.toml"
     return path
 
@@ -96,15 +98,21 @@ def read(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
-        raise ObsplanError(f"{path}: no such file; `obsplan scenarios` lists those that are shipped") from None
+        raise ObsplanError(
+            f"{path}: no such file; `obsplan scenarios` lists those that are shipped"
+        ) from None
     except IsADirectoryError:
         raise ObsplanError(f"{path}: is a folder; give a scenario file inside it") from None
     except OSError as error:
         raise ObsplanError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
-        raise ObsplanError(f"{path}: is not text in UTF-8 (byte {error.start}); give a scenario file in TOML") from None
+        raise ObsplanError(
+            f"{path}: is not text in UTF-8 (byte {error.start}); give a scenario file in TOML"
+        ) from None
     except tomllib.TOMLDecodeError as error:
-        raise ObsplanError(f"{path}: is not valid TOML: {error}; for a mission file use `obsplan new {path.name}`") from None
+        raise ObsplanError(
+            f"{path}: is not valid TOML: {error}; for a mission file use `obsplan new {path.name}`"
+        ) from None
 
 
 def tuples(data: Any) -> Any:
@@ -130,7 +138,9 @@ def with_setting(data: dict[str, Any], setting: str) -> dict[str, Any]:
     """The contents with one ``table.key=value`` set."""
     key, equals, text = setting.partition("=")
     if not equals or not key.strip():
-        raise ObsplanError(f'--set "{setting}" has no value; write table.key=value, for example cna.speed=1.5')
+        raise ObsplanError(
+            f'--set "{setting}" has no value; write table.key=value, for example cna.speed=1.5'
+        )
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -145,8 +155,15 @@ def replaced(data: Any, path: list[str], value: Any, setting: str) -> Any:
     head, rest = path[0], path[1:]
     if isinstance(data, list | tuple):
         if not head.isdigit() or int(head) >= len(data):
-            raise ObsplanError(f'--set "{setting}": {head} is not one of the {len(data)} entries, which count from 0')
-        return [replaced(item, rest, value, setting) if i == int(head) else item for i, item in enumerate(data)]
+            raise ObsplanError(
+                f'--set "{setting}": {head} is not one of the {len(data)} entries, which count from 0'
+            )
+        return [
+            replaced(item, rest, value, setting) if i == int(head) else item
+            for i, item in enumerate(data)
+        ]
     if not isinstance(data, dict):
-        raise ObsplanError(f'--set "{setting}": {head} is not a key, because the entry above it is a value; see `obsplan schema`')
+        raise ObsplanError(
+            f'--set "{setting}": {head} is not a key, because the entry above it is a value; see `obsplan schema`'
+        )
     return {**data, head: replaced(data.get(head, {}), rest, value, setting)}

@@ -33,7 +33,9 @@ def as_toml(value: object) -> str:
 def as_error(source: str, error: ValidationError) -> ObsplanError:
     """The first fault found, as an error that names file, key, value and remedy."""
     faults = error.errors()
-    fault = next((f for f in faults if f["type"] == "extra_forbidden"), faults[0])  # a misspelt key explains the key that is missing
+    fault = next(
+        (f for f in faults if f["type"] == "extra_forbidden"), faults[0]
+    )  # a misspelt key explains the key that is missing
     table, path, field = locate(fault["loc"])
     key = ".".join(path)
     if fault["type"] == "extra_forbidden":
@@ -42,10 +44,14 @@ def as_error(source: str, error: ValidationError) -> ObsplanError:
     if fault["type"] == "missing":
         return ObsplanError(f"{source}: {key} is missing{about}; add it")
     if fault["type"] == "union_tag_not_found":
-        return ObsplanError(f"{source}: {key}.kind is missing; give one of {', '.join(kinds(field))}")
+        return ObsplanError(
+            f"{source}: {key}.kind is missing; give one of {', '.join(kinds(field))}"
+        )
     if fault["type"] == "union_tag_invalid":
         tag = str((fault.get("ctx") or {}).get("tag"))
-        return ObsplanError(f'{source}: {key}.kind = "{tag}" is not known; {nearest(tag, kinds(field))}')
+        return ObsplanError(
+            f'{source}: {key}.kind = "{tag}" is not known; {nearest(tag, kinds(field))}'
+        )
     reason = REASONS.get(fault["type"], fault["msg"].replace("Input should be", "must be"))
     value = "" if isinstance(fault["input"], dict) else f" = {as_toml(fault['input'])}"
     return ObsplanError(f"{source}: {key}{value}{about}: {reason}")

@@ -81,28 +81,37 @@ class Scenario:
         if auv.survey.kind != "formation":
             return survey.reference(speed=auv.speed, current=current)
         if survey.leader not in done:
-            raise ValueError(f'leader "{survey.leader}" is not an AUV listed before "{auv.name}"; listed are {list(done) or "none"}')
+            raise ValueError(
+                f'leader "{survey.leader}" is not an AUV listed before "{auv.name}"; listed are {list(done) or "none"}'
+            )
         return survey.follow(done[survey.leader])
 
     def _mission(self, survey: MissionSurvey) -> Waypoints:
         from obsplan.missions import read_mission, to_local
 
-        mission = to_local(read_mission(self.folder / survey.file), (self.table.origin.lat, self.table.origin.lon))
+        mission = to_local(
+            read_mission(self.folder / survey.file), (self.table.origin.lat, self.table.origin.lon)
+        )
         name = survey.track if survey.track is not None else next(iter(mission.tracks))
         if name not in mission.tracks:
-            raise ValueError(f'{survey.file} has no track "{name}"; it has {", ".join(mission.tracks)}')
-        return Waypoints(points=tuple((float(x), float(y)) for x, y in mission.tracks[name]))
+            raise ValueError(
+                f'{survey.file} has no track "{name}"; it has {", ".join(mission.tracks)}'
+            )
+        return Waypoints(points=tuple((float(x), float(y)) for x, y in mission.tracks[name].points))
 
     @cached_property
     def time(self) -> Float[np.ndarray, " steps"]:
         """Sample instants [s], from 0."""
         duration = self.table.duration or max(reference.duration for reference in self.references)
         if not duration > 0:
-            raise self.error("duration", "is missing, and no AUV moves; give the length of the mission [s]")
+            raise self.error(
+                "duration", "is missing, and no AUV moves; give the length of the mission [s]"
+            )
         steps = int(np.ceil(duration / self.table.time_step - 1e-9))
         if steps > MOST_STEPS:
             raise self.error(
-                "time_step", f"{self.table.time_step} s makes {steps} steps of {duration:.0f} s; give at most {MOST_STEPS} steps"
+                "time_step",
+                f"{self.table.time_step} s makes {steps} steps of {duration:.0f} s; give at most {MOST_STEPS} steps",
             )
         return np.arange(steps + 1) * self.table.time_step
 
@@ -120,12 +129,17 @@ class Scenario:
     def decide_every(self) -> int:
         """Steps between decisions: as many as make about a second, unless the scenario says."""
         interval, step = self.table.planner.interval, self.table.time_step
-        return self._steps("planner.interval", max(1, round(1.0 / step)) * step if interval is None else interval)
+        return self._steps(
+            "planner.interval", max(1, round(1.0 / step)) * step if interval is None else interval
+        )
 
     def _steps(self, key: str, interval: float) -> int:
         ratio = interval / self.table.time_step
         if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6:
-            raise self.error(key, f"{interval} s is not a whole multiple of time_step = {self.table.time_step} s; change one of them")
+            raise self.error(
+                key,
+                f"{interval} s is not a whole multiple of time_step = {self.table.time_step} s; change one of them",
+            )
         return round(ratio)
 
     @property
@@ -152,7 +166,9 @@ class Scenario:
         """Standard deviations per square root of a second of (east, north, heading, speed): the truth's, or those the filter assumes."""
         override = self.table.estimator.process_noise if assumed else None
         noises = [override or auv.process_noise for auv in self.table.auv]
-        return np.array([[n.position, n.position, np.deg2rad(n.heading_deg), n.speed] for n in noises])
+        return np.array(
+            [[n.position, n.position, np.deg2rad(n.heading_deg), n.speed] for n in noises]
+        )
 
     def first_estimates(
         self, truth: Float[np.ndarray, "auvs 4"], error: Float[np.ndarray, "auvs 4"]
@@ -160,8 +176,15 @@ class Scenario:
         """The filters' first means and covariances; what is not given is the truth plus a standard normal error times its sigma."""
         firsts = [auv.first_estimate for auv in self.table.auv]
         heading = [None if f.heading_deg is None else np.deg2rad(f.heading_deg) for f in firsts]
-        given = np.array([[f.x, f.y, h, f.speed] for f, h in zip(firsts, heading, strict=True)], dtype=float)  # None becomes nan
-        sigma = np.array([[f.sigma_position, f.sigma_position, np.deg2rad(f.sigma_heading_deg), f.sigma_speed] for f in firsts])
+        given = np.array(
+            [[f.x, f.y, h, f.speed] for f, h in zip(firsts, heading, strict=True)], dtype=float
+        )  # None becomes nan
+        sigma = np.array(
+            [
+                [f.sigma_position, f.sigma_position, np.deg2rad(f.sigma_heading_deg), f.sigma_speed]
+                for f in firsts
+            ]
+        )
         mean = np.where(np.isnan(given), truth + sigma * error, given)
         return mean, np.stack([np.diag(row**2) for row in sigma])
 
@@ -175,8 +198,16 @@ class Scenario:
         """
         table = self.table.planner
         cls = planner_class(table.kind)
-        given = {key: value for key, value in options(cls, table).items() if value is not None or key not in CONTEXT}
-        told = {f.name: self._context(f.name) for f in fields(cls) if f.name in CONTEXT + FIXED and f.name not in given}
+        given = {
+            key: value
+            for key, value in options(cls, table).items()
+            if value is not None or key not in CONTEXT
+        }
+        told = {
+            f.name: self._context(f.name)
+            for f in fields(cls)
+            if f.name in CONTEXT + FIXED and f.name not in given
+        }
         try:
             return cls(**told, **given)
         except ValueError as error:
@@ -232,7 +263,9 @@ class Scenario:
         """Smallest circle about every survey, not smaller than the aid vehicle can turn."""
         import shapely
 
-        points = shapely.MultiPoint(np.concatenate([reference.polyline for reference in self.references]))
+        points = shapely.MultiPoint(
+            np.concatenate([reference.polyline for reference in self.references])
+        )
         center = shapely.minimum_bounding_circle(points).centroid
         radius = max(float(shapely.minimum_bounding_radius(points)), self.cna.min_turn_radius)
         return {"center": (center.x, center.y), "radius": radius}
@@ -248,7 +281,11 @@ class Scenario:
 
 def _area(table: Any) -> Disc | Polygon:
     """Keep-out of its table: a disc or a polygon."""
-    return Polygon(points=table.points) if table.points is not None else Disc(x=table.x, y=table.y, radius=table.radius)
+    return (
+        Polygon(points=table.points)
+        if table.points is not None
+        else Disc(x=table.x, y=table.y, radius=table.radius)
+    )
 
 
 def options(cls: type, table: Any) -> dict[str, Any]:

@@ -29,12 +29,20 @@ def _sections(table: type[BaseModel], path: str) -> Iterator[tuple[str, list[Row
         many = get_origin(table.model_fields[name].annotation) is tuple
         below = f"{path}.{name}".lstrip(".") + ("[]" if many else "")
         for one in tables:
-            yield from _sections(one, f'{below}, kind = "{kind_of(one)}"' if len(tables) > 1 else below)
+            yield from _sections(
+                one, f'{below}, kind = "{kind_of(one)}"' if len(tables) > 1 else below
+            )
 
 
 def _row(name: str, field: Any) -> Row:
     default = field.default
-    text = "required" if default is PydanticUndefined else "" if default in (None, "") else as_toml(default)
+    text = (
+        "required"
+        if default is PydanticUndefined
+        else ""
+        if default in (None, "")
+        else as_toml(default)
+    )
     return name, _type(field.annotation), text, field.description or ""
 
 
@@ -44,9 +52,15 @@ def _type(annotation: Any) -> str:
         return " | ".join(f'"{choice}"' for choice in get_args(annotation))
     parts = [part for part in get_args(annotation) if part is not type(None)]
     if get_origin(annotation) is tuple:
-        return f"list of {_type(parts[0])}" if parts[-1] is Ellipsis else f"[{', '.join(_type(part) for part in parts)}]"
+        return (
+            f"list of {_type(parts[0])}"
+            if parts[-1] is Ellipsis
+            else f"[{', '.join(_type(part) for part in parts)}]"
+        )
     if parts and not isinstance(parts[0], type) and get_origin(parts[0]) is None:
         return _type(annotation.__origin__)
     if parts:
         return _type(parts[0])
-    return {float: "number", int: "integer", str: "text", bool: "true | false"}.get(annotation, str(annotation))
+    return {float: "number", int: "integer", str: "text", bool: "true | false"}.get(
+        annotation, str(annotation)
+    )

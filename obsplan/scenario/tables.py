@@ -22,7 +22,9 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
-def table_of(cls: type, name: str, *, kind: str, optional: tuple[str, ...] = (), omit: tuple[str, ...] = ()) -> type[Table]:
+def table_of(
+    cls: type, name: str, *, kind: str, optional: tuple[str, ...] = (), omit: tuple[str, ...] = ()
+) -> type[Table]:
     """Table with a key for every field of a dataclass; a field ``heading`` becomes the key ``heading_deg``.
 
     A field's description is the string in its ``Annotated`` type. Fields in ``optional`` may be left out and are then None.
@@ -36,7 +38,11 @@ def table_of(cls: type, name: str, *, kind: str, optional: tuple[str, ...] = (),
         description = hint.__metadata__[0] if hasattr(hint, "__metadata__") else ""
         if f.name in optional:
             hint, default = hint | None, None
-        key, description = (f"{f.name}_deg", description.replace("[rad]", "[deg]")) if f.name == "heading" else (f.name, description)
+        key, description = (
+            (f"{f.name}_deg", description.replace("[rad]", "[deg]"))
+            if f.name == "heading"
+            else (f.name, description)
+        )
         keys[key] = (hint, Field(default, description=description))
     return create_model(name, __base__=Table, __module__=__name__, **keys)
 
@@ -53,7 +59,9 @@ class Start(Table):
 
     x: float = Field(default=0.0, description="east [m]")
     y: float = Field(default=0.0, description="north [m]")
-    heading_deg: float = Field(default=90.0, description="heading [deg], counter-clockwise from east")
+    heading_deg: float = Field(
+        default=90.0, description="heading [deg], counter-clockwise from east"
+    )
 
 
 class Cna(Table):
@@ -68,8 +76,13 @@ class MissionSurvey(Table):
     """A survey read from a mission file."""
 
     kind: Literal["mission"] = Field(default="mission", description="which one")
-    file: str = Field(description="GeoJSON, QGroundControl .plan or CSV file; relative to the scenario file")
-    track: str | None = Field(default=None, description="name of the track, where the file has several; default: the first")
+    file: str = Field(
+        description="GeoJSON, QGroundControl .plan or CSV file; relative to the scenario file"
+    )
+    track: str | None = Field(
+        default=None,
+        description="name of the track, where the file has several; default: the first",
+    )
 
 
 class FirstEstimate(Table):
@@ -77,11 +90,19 @@ class FirstEstimate(Table):
 
     x: float | None = Field(default=None, description="east [m]")
     y: float | None = Field(default=None, description="north [m]")
-    heading_deg: float | None = Field(default=None, description="heading [deg], counter-clockwise from east")
+    heading_deg: float | None = Field(
+        default=None, description="heading [deg], counter-clockwise from east"
+    )
     speed: float | None = Field(default=None, description="speed through the water [m/s]")
-    sigma_position: NonNegative = Field(default=5.0, description="standard deviation of each coordinate [m]")
-    sigma_heading_deg: NonNegative = Field(default=2.0, description="standard deviation of the heading [deg]")
-    sigma_speed: NonNegative = Field(default=0.5, description="standard deviation of the speed [m/s]")
+    sigma_position: NonNegative = Field(
+        default=5.0, description="standard deviation of each coordinate [m]"
+    )
+    sigma_heading_deg: NonNegative = Field(
+        default=2.0, description="standard deviation of the heading [deg]"
+    )
+    sigma_speed: NonNegative = Field(
+        default=0.5, description="standard deviation of the speed [m/s]"
+    )
 
 
 class ProcessNoise(Table):
@@ -89,7 +110,9 @@ class ProcessNoise(Table):
 
     position: NonNegative = Field(default=0.0, description="of each coordinate [m/sqrt(s)]")
     heading_deg: NonNegative = Field(default=0.0, description="of the heading [deg/sqrt(s)]")
-    speed: NonNegative = Field(default=0.0, description="of the speed through the water [m/s/sqrt(s)]")
+    speed: NonNegative = Field(
+        default=0.0, description="of the speed through the water [m/s/sqrt(s)]"
+    )
 
 
 SURVEY_TABLES = tuple(table_of(cls, cls.__name__, kind=kind) for kind, cls in SURVEYS.items())
@@ -102,7 +125,9 @@ else:
 class Auv(Table):
     """One survey vehicle."""
 
-    name: str = Field(default="", description="name in tables and figures; default: auv-1, auv-2, ...")
+    name: str = Field(
+        default="", description="name in tables and figures; default: auv-1, auv-2, ..."
+    )
     speed: NonNegative = Field(default=0.0, description="speed through the water [m/s]")
     weight: NonNegative = Field(default=1.0, description="weight in the planner's objective")
     survey: Survey = Field(description="what it follows over ground")  # pyright: ignore[reportInvalidTypeForm]
@@ -113,16 +138,24 @@ class Auv(Table):
 class Environment(Table):
     """The water."""
 
-    current: tuple[float, float] = Field(default=(0.0, 0.0), description="uniform current, east and north [m/s]")
+    current: tuple[float, float] = Field(
+        default=(0.0, 0.0), description="uniform current, east and north [m/s]"
+    )
 
 
 class Ranging(Table):
     """Acoustic ranging and the compass."""
 
-    kind: Literal["range", "squared-range"] = Field(default="range", description="what is measured with Gaussian error")
+    kind: Literal["range", "squared-range"] = Field(
+        default="range", description="what is measured with Gaussian error"
+    )
     interval: Positive = Field(default=15.0, description="time between ranges to each AUV [s]")
-    sigma: Positive = Field(default=1.0, description="standard deviation [m], of a squared range [m^2]")
-    heading_sigma_deg: Positive = Field(default=1.0, description="standard deviation of the measured heading [deg]")
+    sigma: Positive = Field(
+        default=1.0, description="standard deviation [m], of a squared range [m^2]"
+    )
+    heading_sigma_deg: Positive = Field(
+        default=1.0, description="standard deviation of the measured heading [deg]"
+    )
 
 
 class KeepOut(Table):
@@ -131,7 +164,9 @@ class KeepOut(Table):
     x: float | None = Field(default=None, description="centre of a disc, east [m]")
     y: float | None = Field(default=None, description="centre of a disc, north [m]")
     radius: Positive | None = Field(default=None, description="radius of a disc [m]")
-    points: tuple[tuple[float, float], ...] | None = Field(default=None, description="corners of a polygon, each [east, north] [m]")
+    points: tuple[tuple[float, float], ...] | None = Field(
+        default=None, description="corners of a polygon, each [east, north] [m]"
+    )
 
     @model_validator(mode="after")
     def _one_of_both(self) -> "KeepOut":
@@ -144,22 +179,30 @@ class ConstraintsTable(Table):
     """Where the aid vehicle may be: some planners plan within it, the others are kept within it."""
 
     keep_out: tuple[KeepOut, ...] = Field(default=(), description="areas not to enter")
-    geofence: tuple[tuple[float, float], ...] | None = Field(default=None, description="corners of the area not to leave [east, north] [m]")
+    geofence: tuple[tuple[float, float], ...] | None = Field(
+        default=None, description="corners of the area not to leave [east, north] [m]"
+    )
     min_separation: NonNegative = Field(default=0.0, description="least distance to any AUV [m]")
-    max_separation: Positive | None = Field(default=None, description="greatest distance to any AUV [m]; default: none")
+    max_separation: Positive | None = Field(
+        default=None, description="greatest distance to any AUV [m]; default: none"
+    )
 
 
 class Estimator(Table):
     """The AUVs' filter."""
 
     kind: Literal["ekf"] = Field(default="ekf", description="extended Kalman filter")
-    process_noise: ProcessNoise | None = Field(default=None, description="what the filter assumes; default: the truth's")
+    process_noise: ProcessNoise | None = Field(
+        default=None, description="what the filter assumes; default: the truth's"
+    )
 
 
 class PlannerTable(Table):
     """Keys that every planner has."""
 
-    interval: Positive | None = Field(default=None, description="time between decisions [s]; default: about 1 s")
+    interval: Positive | None = Field(
+        default=None, description="time between decisions [s]; default: about 1 s"
+    )
     knowledge: Literal["estimate", "estimate-and-survey", "survey", "truth"] = Field(
         default="estimate", description="what the planner is given of the AUVs"
     )
@@ -180,11 +223,19 @@ if not TYPE_CHECKING:
 class ScenarioTable(Table):
     """A whole scenario file."""
 
-    name: str = Field(default="scenario", pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", description="letters, digits, dots and hyphens")
+    name: str = Field(
+        default="scenario",
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$",
+        description="letters, digits, dots and hyphens",
+    )
     description: str = Field(default="", description="one line for lists")
     seed: int = Field(default=1, ge=0, description="of all random numbers")
-    time_step: Positive = Field(default=0.5, description="of simulation, heading measurements and records [s]")
-    duration: Positive | None = Field(default=None, description="of the mission [s]; default: until the last survey is done")
+    time_step: Positive = Field(
+        default=0.5, description="of simulation, heading measurements and records [s]"
+    )
+    duration: Positive | None = Field(
+        default=None, description="of the mission [s]; default: until the last survey is done"
+    )
     origin: Origin = Field(description="geographic place of local (0, 0)")
     cna: Cna
     auv: tuple[Auv, ...] = Field(min_length=1, description="the survey vehicles")
@@ -192,7 +243,9 @@ class ScenarioTable(Table):
     ranging: Ranging = Ranging()
     constraints: ConstraintsTable = ConstraintsTable()
     estimator: Estimator = Estimator()
-    planner: Planner = Field(default=PLANNER_TABLES["default"](), description="who steers the aid vehicle")
+    planner: Planner = Field(
+        default=PLANNER_TABLES["default"](), description="who steers the aid vehicle"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -200,4 +253,10 @@ class ScenarioTable(Table):
         auvs = data.get("auv") if isinstance(data, dict) else None
         if not isinstance(auvs, tuple):
             return data
-        return {**data, "auv": tuple({"name": f"auv-{i + 1}", **auv} if isinstance(auv, dict) else auv for i, auv in enumerate(auvs))}
+        return {
+            **data,
+            "auv": tuple(
+                {"name": f"auv-{i + 1}", **auv} if isinstance(auv, dict) else auv
+                for i, auv in enumerate(auvs)
+            ),
+        }

@@ -65,9 +65,11 @@ def scenario_text(mission_file: Path, scenario_file: Path) -> str:
     mission = read_mission(mission_file)
     lat, lon = mission.origin or (0.0, 0.0)
     local: Mission = to_local(mission)
-    x, y = next(iter(local.tracks.values()))[0]
+    x, y = next(iter(local.tracks.values())).points[0]
     quoted = lambda text: tomlkit.item(str(text)).as_string()  # noqa: E731
-    relative = Path(os.path.relpath(mission_file.resolve(), scenario_file.resolve().parent)).as_posix()
+    relative = Path(
+        os.path.relpath(mission_file.resolve(), scenario_file.resolve().parent)
+    ).as_posix()
     name = re.sub(r"[^A-Za-z0-9._-]+", "-", scenario_file.stem).strip("-._") or "survey"
     head = HEAD.format(
         file=mission_file.name,
@@ -79,4 +81,11 @@ def scenario_text(mission_file: Path, scenario_file: Path) -> str:
         x=x - START_WEST,
         y=y,
     )
-    return head + "".join(AUV.format(name=quoted(track), track=quoted(track), file=quoted(relative)) for track in local.tracks) + TAIL
+    return (
+        head
+        + "".join(
+            AUV.format(name=quoted(track), track=quoted(track), file=quoted(relative))
+            for track in local.tracks
+        )
+        + TAIL
+    )

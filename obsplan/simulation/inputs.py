@@ -25,7 +25,9 @@ def streams(seed: int) -> Streams:
 def mission_inputs(scenario: Scenario, start: Pose, seed: int) -> tuple[Carry, Inputs]:
     """The state of things at time 0, with the aid vehicle at ``start``, and the inputs of every step."""
     process, measurement, _ = streams(seed)
-    survey = np.stack([np.column_stack([m.position, m.heading, m.speed]) for m in scenario.motions], axis=1)  # samples, AUVs, N
+    survey = np.stack(
+        [np.column_stack([m.position, m.heading, m.speed]) for m in scenario.motions], axis=1
+    )  # samples, AUVs, N
     steps, auvs = len(survey) - 1, survey.shape[1]
     carry = first_carry(scenario, start, survey[0], measurement.standard_normal((auvs, N)))
     index, sensors = np.arange(steps), (scenario.heading_sensor, scenario.range_sensor)
@@ -36,7 +38,9 @@ def mission_inputs(scenario: Scenario, start: Pose, seed: int) -> tuple[Carry, I
         ping=((index + 1) % scenario.ping_every == 0)[:, None, None],
         survey=survey[:-1],
         steer=survey[1:, :, 2:],
-        disturbance=process.standard_normal((steps, auvs, N)) * scenario.process_noise() * np.sqrt(scenario.table.time_step),
+        disturbance=process.standard_normal((steps, auvs, N))
+        * scenario.process_noise()
+        * np.sqrt(scenario.table.time_step),
         heading_error=errors[0],
         range_error=errors[1],
     )
@@ -47,5 +51,8 @@ def first_carry(scenario: Scenario, start: Pose, truth: np.ndarray, error: np.nd
     """Truth, first estimates and the aid vehicle's pose at time 0."""
     mean, covariance = scenario.first_estimates(truth, error)
     lower = half_array(covariance)
-    cna, command = np.array([[start.x, start.y, start.heading]]), np.array([[0.0, scenario.cna.speed]])
+    cna, command = (
+        np.array([[start.x, start.y, start.heading]]),
+        np.array([[0.0, scenario.cna.speed]]),
+    )
     return Carry(cna, command, truth, mean, lower, mean, lower)

@@ -57,7 +57,9 @@ def simulate(
     scenario = load(scenario) if isinstance(scenario, str) else scenario
     scenario = replanned(scenario, planner) if isinstance(planner, str) else scenario
     planner = scenario.planner() if planner is None or isinstance(planner, str) else planner
-    return ClosedLoop(scenario=scenario, planner=planner).fly(scenario.table.seed if seed is None else seed, progress=progress)
+    return ClosedLoop(scenario=scenario, planner=planner).fly(
+        scenario.table.seed if seed is None else seed, progress=progress
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +84,10 @@ class ClosedLoop:
     def _chunks(self) -> dict[int, ca.Function]:
         """The step folded over a number of steps."""
         steps = self.scenario.time.size - 1
-        return {n: self.step.mapaccum("chunk", n, len(Carry._fields)) for n in {min(CHUNK, steps), steps % CHUNK} - {0}}
+        return {
+            n: self.step.mapaccum("chunk", n, len(Carry._fields))
+            for n in {min(CHUNK, steps), steps % CHUNK} - {0}
+        }
 
     @property
     def start(self) -> Pose:
@@ -101,27 +106,47 @@ class ClosedLoop:
         if folded(self.scenario, self.planner) is not None:
             self._fold(carry, inputs, log, progress)
         else:
-            planner = self.planner.for_mission(seed) if hasattr(self.planner, "for_mission") else self.planner  # pyright: ignore[reportAttributeAccessIssue]
+            planner = self.planner
+            if hasattr(planner, "for_mission"):
+                planner = planner.for_mission(seed)  # pyright: ignore[reportAttributeAccessIssue]
             decisions = self._walk(planner, carry, inputs, log, progress)
         timing = Timing(seconds=perf_counter() - began, decision_seconds=decisions)
-        return record(self.scenario, self.planner, seed, carry._replace(covariance=full_array(carry.covariance)), log, timing)
+        return record(
+            self.scenario,
+            self.planner,
+            seed,
+            carry._replace(covariance=full_array(carry.covariance)),
+            log,
+            timing,
+        )
 
     def _fold(self, carry: Carry, inputs: Inputs, log: Log, progress: Progress) -> None:
         """Advance by whole chunks of steps; the planner is part of the step."""
         steps = len(inputs.time)
         for k in range(0, steps, CHUNK):
             n = min(CHUNK, steps - k)
-            evaluate(self._chunks[n], [a[k] for a in carry] + [a[k : k + n] for a in inputs], results_of(carry, log, k, n))
+            evaluate(
+                self._chunks[n],
+                [a[k] for a in carry] + [a[k : k + n] for a in inputs],
+                results_of(carry, log, k, n),
+            )
             progress(k + n, steps)
 
-    def _walk(self, planner: Planner, carry: Carry, inputs: Inputs, log: Log, progress: Progress) -> list[float]:
+    def _walk(
+        self, planner: Planner, carry: Carry, inputs: Inputs, log: Log, progress: Progress
+    ) -> list[float]:
         """Advance step by step, calling the planner between them; returns the time each decision took [s]."""
         steps, seconds = len(inputs.time), []
         for k in range(steps):
             decision, now = None, [a[k] for a in (*carry, *inputs)]
             if inputs.decide[k]:
                 began = perf_counter()
-                decision = self._decision(planner, pose_of(carry, k), self._beliefs(carry, inputs, k), float(inputs.time[k].item()))
+                decision = self._decision(
+                    planner,
+                    pose_of(carry, k),
+                    self._beliefs(carry, inputs, k),
+                    float(inputs.time[k].item()),
+                )
                 seconds.append(perf_counter() - began)
                 now[COMMAND] = np.array([[decision.turn_rate, decision.speed]], dtype=float)
             evaluate(self.step, now, results_of(carry, log, k, 1))
@@ -139,7 +164,9 @@ class ClosedLoop:
         if getattr(planner, "constraints", UNLIMITED) == limits:
             return decision
         interval = scenario.decide_every * scenario.table.time_step
-        return within_limits(decision, pose, auvs, cna=scenario.cna, constraints=limits, interval=interval)
+        return within_limits(
+            decision, pose, auvs, cna=scenario.cna, constraints=limits, interval=interval
+        )
 
     def _beliefs(self, carry: Carry, inputs: Inputs, k: int) -> list[Belief]:
         """What the planner is told of each AUV."""
@@ -147,7 +174,10 @@ class ClosedLoop:
         knowledge = scenario.table.planner.knowledge
         means = {"survey": inputs.survey, "truth": carry.truth}.get(knowledge, carry.reported)[k]
         covariances = full_array(carry.reported_covariance[k])
-        courses = [None if knowledge == "estimate" else course(*known, now) for known in zip(scenario.references, means, strict=True)]
+        courses = [
+            None if knowledge == "estimate" else course(*known, now)
+            for known in zip(scenario.references, means, strict=True)
+        ]
         noises = scenario.process_noise(assumed=True)
         return [
             Belief(
@@ -158,11 +188,15 @@ class ClosedLoop:
                 drift=scenario.table.environment.current,
                 course=along,
             )
-            for mean, covariance, noise, auv, along in zip(means, covariances, noises, scenario.table.auv, courses, strict=True)
+            for mean, covariance, noise, auv, along in zip(
+                means, covariances, noises, scenario.table.auv, courses, strict=True
+            )
         ]
 
 
-def course(reference: Reference, mean: np.ndarray, now: float) -> Callable[[np.ndarray], np.ndarray]:
+def course(
+    reference: Reference, mean: np.ndarray, now: float
+) -> Callable[[np.ndarray], np.ndarray]:
     """Positions ahead of where an AUV is known to be, the rest of its survey still before it."""
     off = mean[:2] - reference.position(now)
     return lambda ahead: reference.position(now + ahead) + off
@@ -174,7 +208,9 @@ def flyable(decision: Decision, cna: Unicycle) -> Decision:
         return replace(decision, turn_rate=0.0, speed=cna.speed, status=Status.INVALID_INPUT)
     limit = decision.speed / cna.min_turn_radius
     if abs(decision.turn_rate) > limit * (1 + ROUNDING):
-        return replace(decision, turn_rate=math.copysign(limit, decision.turn_rate), status=Status.CLIPPED)
+        return replace(
+            decision, turn_rate=math.copysign(limit, decision.turn_rate), status=Status.CLIPPED
+        )
     return decision
 
 

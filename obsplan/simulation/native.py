@@ -11,7 +11,12 @@ from pathlib import Path
 
 import casadi as ca
 
-FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")  # no fused multiply-add: the virtual machine has none
+FLAGS = (
+    "-O2",
+    "-ffp-contract=off",
+    "-fPIC",
+    "-shared",
+)  # no fused multiply-add: the virtual machine has none
 
 log = logging.getLogger("obsplan")
 
@@ -43,7 +48,9 @@ def find_compiler() -> str | None:
     for name in filter(None, (os.environ.get("CC"), "cc", "gcc", "clang")):
         if path := shutil.which(name):
             return path
-    log.warning("no C compiler found: using CasADi's virtual machine, with the same results, about three times slower")
+    log.warning(
+        "no C compiler found: using CasADi's virtual machine, with the same results, about three times slower"
+    )
     return None
 
 
@@ -56,8 +63,13 @@ def generate(function: ca.Function) -> str:
 
 def cached_library(source: str, compiler: str) -> Path:
     """Path of the shared library for a source, compiled unless it is there already."""
-    folder = Path(os.environ.get("OBSPLAN_CACHE") or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "obsplan")
-    key = hashlib.sha256("\0".join((source, compiler_version(compiler), *FLAGS)).encode()).hexdigest()
+    folder = Path(
+        os.environ.get("OBSPLAN_CACHE")
+        or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "obsplan"
+    )
+    key = hashlib.sha256(
+        "\0".join((source, compiler_version(compiler), *FLAGS)).encode()
+    ).hexdigest()
     library = folder / f"{key}.so"
     if library.exists():
         return library

@@ -52,9 +52,25 @@ class Log(NamedTuple):
     status: Any  # 1
 
 
-ROWS = {"cna": 3, "command": 2, "covariance": HALF, "reported_covariance": HALF, "truth": N, "mean": N, "reported": N}
+ROWS = {
+    "cna": 3,
+    "command": 2,
+    "covariance": HALF,
+    "reported_covariance": HALF,
+    "truth": N,
+    "mean": N,
+    "reported": N,
+}
 ROWS |= {"survey": N, "steer": 2, "disturbance": N}
-OF_ALL = ("cna", "command", "time", "decide", "ping", "score", "status")  # one column, however many AUVs
+OF_ALL = (
+    "cna",
+    "command",
+    "time",
+    "decide",
+    "ping",
+    "score",
+    "status",
+)  # one column, however many AUVs
 
 
 def shape_of(name: str, auvs: int) -> tuple[int, int]:
@@ -85,7 +101,10 @@ class StepBuilder:
         *columns, ranges = (ca.horzcat(*column) for column in zip(*moved, strict=True))
         after, log = Carry(cna, command, *columns), Log(ranges, score, condition, status)
         outputs = [ca.densify(expression) for expression in (*after, *log)]
-        names = [*Carry._fields, *Inputs._fields], [*(f"next_{name}" for name in Carry._fields), *Log._fields]
+        names = (
+            [*Carry._fields, *Inputs._fields],
+            [*(f"next_{name}" for name in Carry._fields), *Log._fields],
+        )
         return ca.Function("step", [*carry, *inputs], outputs, *names)
 
     def _decide(self, carry: Carry, inputs: Inputs) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
@@ -93,8 +112,15 @@ class StepBuilder:
         expression = folded(self.scenario, self.planner)
         if expression is None:
             return carry.command, ca.SX.nan(1), ca.SX.nan(1, carry.truth.shape[1]), ca.SX.nan(1)
-        known = {"survey": inputs.survey, "truth": carry.truth}.get(self.scenario.table.planner.knowledge, carry.reported)
-        new = guarded(expression, inputs.time, ca.vertcat(carry.cna, carry.command[0]), self._targets(known, carry))
+        known = {"survey": inputs.survey, "truth": carry.truth}.get(
+            self.scenario.table.planner.knowledge, carry.reported
+        )
+        new = guarded(
+            expression,
+            inputs.time,
+            ca.vertcat(carry.cna, carry.command[0]),
+            self._targets(known, carry),
+        )
         due = lambda value, otherwise: ca.if_else(inputs.decide, value, otherwise)  # noqa: E731
         command = due(ca.vertcat(new.turn_rate, new.speed), carry.command)
         return command, due(new.score, np.nan), due(new.condition, np.nan), due(new.status, np.nan)
@@ -104,12 +130,20 @@ class StepBuilder:
         auvs = self.scenario.table.auv
         drift = ca.repmat(ca.SX(ca.DM(self.scenario.table.environment.current)), 1, len(auvs))
         weight = ca.SX(ca.DM([auv.weight for auv in auvs]))
-        return Targets(known, drift, carry.reported_covariance[[0, 1, N], :], weight)  # P11, P21, P22 of a lower triangle by columns
+        return Targets(
+            known, drift, carry.reported_covariance[[0, 1, N], :], weight
+        )  # P11, P21, P22 of a lower triangle by columns
 
     def _auv(self, i: int, cna: ca.SX, carry: Carry, inputs: Inputs) -> tuple[ca.SX, ...]:
         """Truth, mean, covariance, report and range of one AUV at the step's end."""
-        ekf, compass, ranging = self._filter(i), self.scenario.heading_sensor, self.scenario.range_sensor
-        u = inputs.steer[:, i] - carry.truth[2:, i]  # the autopilot brings heading and speed back to the survey's, and measures what it did
+        ekf, compass, ranging = (
+            self._filter(i),
+            self.scenario.heading_sensor,
+            self.scenario.range_sensor,
+        )
+        u = (
+            inputs.steer[:, i] - carry.truth[2:, i]
+        )  # the autopilot brings heading and speed back to the survey's, and measures what it did
         truth = ekf.f(carry.truth[:, i], u) + inputs.disturbance[:, i]
         x, P = ekf.predict(carry.mean[:, i], full(carry.covariance[:, i]), u)
         x, P = ekf.update(x, P, compass.measure(truth, cna) + inputs.heading_error[i], compass, cna)
@@ -119,7 +153,9 @@ class StepBuilder:
         x, P = pinged(x_ranged, x), pinged(half(P_ranged), half(P))
         along = self.scenario.table.planner.knowledge == "estimate-and-survey"
         turns = inputs.steer[:, i] - carry.reported[2:, i] if along else ca.SX.zeros(2)
-        reckoned, reckoned_P = ekf.predict(carry.reported[:, i], full(carry.reported_covariance[:, i]), turns)
+        reckoned, reckoned_P = ekf.predict(
+            carry.reported[:, i], full(carry.reported_covariance[:, i]), turns
+        )
         return truth, x, P, pinged(x, reckoned), pinged(P, half(reckoned_P)), pinged(z, np.nan)
 
     def _filter(self, i: int) -> Ekf:

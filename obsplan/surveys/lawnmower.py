@@ -26,7 +26,9 @@ class Lawnmower:
     heading: Annotated[float, "heading of the first leg [rad], counter-clockwise from east"] = 0.0
     x: Annotated[float, "start of the first leg, east [m]"] = 0.0
     y: Annotated[float, "start of the first leg, north [m]"] = 0.0
-    side: Annotated[Literal["left", "right"], "side of the first leg on which the others are laid"] = "left"
+    side: Annotated[
+        Literal["left", "right"], "side of the first leg on which the others are laid"
+    ] = "left"
 
     def __post_init__(self):
         if self.legs < 1:
@@ -46,7 +48,9 @@ class Lawnmower:
         along = self.length * ((leg + vertex) % 2)  # even legs run out, odd legs come back
         across = self.spacing * leg * {"left": 1, "right": -1}[self.side]
         cos, sin = math.cos(self.heading), math.sin(self.heading)
-        return np.column_stack([self.x + cos * along - sin * across, self.y + sin * along + cos * across])
+        return np.column_stack(
+            [self.x + cos * along - sin * across, self.y + sin * along + cos * across]
+        )
 
     def reference(self, *, speed: float, current: Float[np.ndarray, " 2"]) -> Reference:
         """Motion along the legs at a speed through the water [m/s] in a current [m/s]."""

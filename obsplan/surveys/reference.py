@@ -6,7 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-SHORTEST_LEG = 1e-3  # [m]; below it two waypoints are one: a mission file resolves about 1 cm (1e-7 degrees)
+SHORTEST_LEG = (
+    1e-3  # [m]; below it two waypoints are one: a mission file resolves about 1 cm (1e-7 degrees)
+)
 
 
 def check_polyline(polyline: Float[np.ndarray, "n 2"]) -> None:
@@ -27,7 +29,9 @@ def check_polyline(polyline: Float[np.ndarray, "n 2"]) -> None:
     if short.size:
         i = short[0]
         x, y = polyline[i]
-        raise ValueError(f"waypoints {i} and {i + 1} are identical, at ({x:.3f}, {y:.3f}) m: remove one of them")
+        raise ValueError(
+            f"waypoints {i} and {i + 1} are identical, at ({x:.3f}, {y:.3f}) m: remove one of them"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,7 +43,9 @@ class Motion:
 
     time: Float[np.ndarray, " steps"]  # t [s]
     position: Float[np.ndarray, "steps 2"]  # p, east and north [m]
-    heading: Float[np.ndarray, " steps"]  # ψ [rad], counter-clockwise from east, continuous (not wrapped)
+    heading: Float[
+        np.ndarray, " steps"
+    ]  # ψ [rad], counter-clockwise from east, continuous (not wrapped)
     speed: Float[np.ndarray, " steps"]  # V, through the water [m/s]
 
 
@@ -62,18 +68,24 @@ class Reference:
 
     polyline: Float[np.ndarray, "n 2"]  # vertices, east and north [m]
     speed: float  # V, through the water [m/s]
-    current: Float[np.ndarray, " 2"] = field(default_factory=lambda: np.zeros(2))  # c, east and north [m/s]
+    current: Float[np.ndarray, " 2"] = field(
+        default_factory=lambda: np.zeros(2)
+    )  # c, east and north [m/s]
     initial_heading: float = 0.0  # [rad]; used until the vehicle first moves through the water
 
     def __post_init__(self):
         check_polyline(self.polyline)
         if not np.isfinite(self.current).all():
-            raise ValueError(f"current must be two finite numbers [m/s], got {self.current.tolist()}")
+            raise ValueError(
+                f"current must be two finite numbers [m/s], got {self.current.tolist()}"
+            )
         if not math.isfinite(self.initial_heading):
             raise ValueError(f"initial_heading must be finite [rad], got {self.initial_heading}")
         if len(self.polyline) > 1:
             if not 0 < self.speed < math.inf:
-                raise ValueError(f"speed of a survey that moves must be positive and finite [m/s], got {self.speed}")
+                raise ValueError(
+                    f"speed of a survey that moves must be positive and finite [m/s], got {self.speed}"
+                )
             self._check_current()
 
     def _check_current(self) -> None:
@@ -107,7 +119,9 @@ class Reference:
     def arrival(self) -> Float[np.ndarray, " n"]:
         """Instants at which the vertices are reached [s], the first one at 0."""
         legs = self._legs()
-        return np.concatenate([[0.0], np.cumsum(np.hypot(legs[:, 0], legs[:, 1]) / self.ground_speed)])
+        return np.concatenate(
+            [[0.0], np.cumsum(np.hypot(legs[:, 0], legs[:, 1]) / self.ground_speed)]
+        )
 
     @property
     def duration(self) -> float:
@@ -117,7 +131,13 @@ class Reference:
     def position(self, time: Float[np.ndarray, "*t"] | float) -> Float[np.ndarray, "*t 2"]:
         """Position [m] at any instants [s]: the first vertex before 0, the last one after `duration`."""
         arrival = self.arrival
-        return np.stack([np.interp(time, arrival, self.polyline[:, 0]), np.interp(time, arrival, self.polyline[:, 1])], axis=-1)
+        return np.stack(
+            [
+                np.interp(time, arrival, self.polyline[:, 0]),
+                np.interp(time, arrival, self.polyline[:, 1]),
+            ],
+            axis=-1,
+        )
 
     def sample(self, time: Float[np.ndarray, " steps"]) -> Motion:
         """Sample the motion at increasing instants [s], as what a vehicle steering piecewise constant would do.
@@ -132,14 +152,23 @@ class Reference:
         """
         dt = np.diff(time)
         if not (dt.size and np.all(dt > 0)):
-            raise ValueError(f"time must be at least two increasing instants [s], got {time.size} of them")
+            raise ValueError(
+                f"time must be at least two increasing instants [s], got {time.size} of them"
+            )
         position = self.position(time)
         water = np.diff(position, axis=0) / dt[:, None] - self.current
         speed = np.hypot(water[:, 0], water[:, 1])
         heading = self._continuous_heading(np.arctan2(water[:, 1], water[:, 0]), speed > 0)
-        return Motion(time=time, position=position, heading=np.append(heading, heading[-1]), speed=np.append(speed, speed[-1]))
+        return Motion(
+            time=time,
+            position=position,
+            heading=np.append(heading, heading[-1]),
+            speed=np.append(speed, speed[-1]),
+        )
 
-    def _continuous_heading(self, heading: Float[np.ndarray, " k"], moving: np.ndarray) -> Float[np.ndarray, " k"]:
+    def _continuous_heading(
+        self, heading: Float[np.ndarray, " k"], moving: np.ndarray
+    ) -> Float[np.ndarray, " k"]:
         """Headings without jumps of a turn, each rest taking the heading before it."""
         last_moving = np.maximum.accumulate(np.where(moving, np.arange(heading.size), -1))
         held = np.where(last_moving < 0, self.initial_heading, heading[last_moving])

@@ -22,7 +22,9 @@ class Static:
 
     x: Annotated[float, "east [m]"] = 0.0
     y: Annotated[float, "north [m]"] = 0.0
-    heading: Annotated[float, "heading while there is no current [rad], counter-clockwise from east"] = 0.0
+    heading: Annotated[
+        float, "heading while there is no current [rad], counter-clockwise from east"
+    ] = 0.0
 
     def __post_init__(self):
         for name, unit in (("x", "m"), ("y", "m"), ("heading", "rad")):
@@ -36,4 +38,9 @@ class Static:
 
     def reference(self, *, speed: float, current: Float[np.ndarray, " 2"]) -> Reference:
         """Station kept in a current [m/s]; the speed through the water is the current's, whatever the one given [m/s]."""
-        return Reference(polyline=self.vertices(), speed=speed, current=current, initial_heading=float(self.heading))
+        return Reference(
+            polyline=self.vertices(),
+            speed=speed,
+            current=current,
+            initial_heading=float(self.heading),
+        )

@@ -19,7 +19,9 @@ class Waypoints:
         Fewer than two points, a number that is not finite, or two identical consecutive points.
     """
 
-    points: Annotated[tuple[tuple[float, float], ...], "points to pass, in order, each [east, north] [m]"]
+    points: Annotated[
+        tuple[tuple[float, float], ...], "points to pass, in order, each [east, north] [m]"
+    ]
 
     def __post_init__(self):
         if len(self.points) < 2:

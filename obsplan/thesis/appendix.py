@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 SAMPLING = 0.2  # [s] between the samples kept
 TRIALS = 20  # seeds looked through for the image that the thesis shows
 FOLLOWS = 5.0  # greatest distance [m] of an aid vehicle that follows the AUV
-ALIGNED = np.deg2rad(20.0)  # between the AUV's course and the line of sight: motion nearly through the beacon
+ALIGNED = np.deg2rad(
+    20.0
+)  # between the AUV's course and the line of sight: motion nearly through the beacon
 BEGINNING = 120.0  # [s]; the filter has settled by then
 SIMILAR = 1.5  # ratio of errors up to which two policies perform alike
 
@@ -33,7 +35,11 @@ def compute(name: str, policy: str, *, runs: int, seed: int) -> "xr.Dataset":  #
     flown = {label: simulate(scenario, seed=seed) for label, scenario in scenarios.items()}
     rms = {label: run.rms_error for label, run in flown.items()}
     shown = as_shown(name, scenarios[policy], seed) if policy == "Stationary" else flown[policy]
-    return recorded(shown).assign(policy_rms=("policy", list(rms.values()), {"units": "m"})).assign_coords(policy=list(rms))
+    return (
+        recorded(shown)
+        .assign(policy_rms=("policy", list(rms.values()), {"units": "m"}))
+        .assign_coords(policy=list(rms))
+    )
 
 
 def as_shown(name: str, scenario: Scenario, seed: int) -> Run:
@@ -62,7 +68,12 @@ def recorded(run: Run) -> "xr.Dataset":
     return xr.Dataset(
         {key: ("time", values, {"units": unit}) for key, (values, unit) in columns.items()},
         coords={"time": ("time", run.time[every], {"units": "s"})},
-        attrs={"rms_error": run.rms_error, "max_error": run.max_error, "mirrored": int(is_mirrored(run)), "seed": run.seed},
+        attrs={
+            "rms_error": run.rms_error,
+            "max_error": run.max_error,
+            "mirrored": int(is_mirrored(run)),
+            "seed": run.seed,
+        },
     )
 
 
@@ -71,17 +82,32 @@ def draw(data: "xr.Dataset") -> Figure:
     figure = Figure(figsize=(11.0, 7.2), layout="constrained")
     (tracks, estimate), (east, north) = figure.subplots(2, 2, height_ratios=(1.5, 1.0))
     _draw_map(tracks, data, (("auv", "AUV", colour(0)), ("cna", "aid vehicle", AID)), "(a) tracks")
-    _draw_map(estimate, data, (("auv", "AUV", colour(0)), ("estimate", "estimate", colour(1))), "(b) estimated track")
+    _draw_map(
+        estimate,
+        data,
+        (("auv", "AUV", colour(0)), ("estimate", "estimate", colour(1))),
+        "(b) estimated track",
+    )
     for axes, axis, label in ((east, "x", "(c) east"), (north, "y", "(d) north")):
         _draw_error(axes, data, axis, label)
     return figure
 
 
-def _draw_map(axes: Axes, data: "xr.Dataset", drawn: tuple[tuple[str, str, str], ...], title: str) -> None:
+def _draw_map(
+    axes: Axes, data: "xr.Dataset", drawn: tuple[tuple[str, str, str], ...], title: str
+) -> None:
     for prefix, label, paint in drawn:
         x, y = data[f"{prefix}_x"].values, data[f"{prefix}_y"].values
         moves = bool(np.ptp(x) + np.ptp(y) > 0)
-        axes.plot(x, y, color=paint, lw=0.9 if moves else 0.0, marker="" if moves else "o", ms=6, label=label)
+        axes.plot(
+            x,
+            y,
+            color=paint,
+            lw=0.9 if moves else 0.0,
+            marker="" if moves else "o",
+            ms=6,
+            label=label,
+        )
     axes.set(xlabel="East [m]", ylabel="North [m]", title=title)
     axes.set_aspect("equal", adjustable="datalim")
     axes.legend(fontsize=8, loc="upper right")
@@ -93,7 +119,13 @@ def _draw_error(axes: Axes, data: "xr.Dataset", axis: str, label: str) -> None:
     axes.fill_between(time, -band, band, color=colour(1), alpha=0.2, lw=0, label="±3σ")
     axes.plot(time, error, color=colour(1), lw=0.9)
     highest = 1.1 * max(float(np.abs(error).max()), float(np.quantile(band, 0.98)))
-    axes.set(xlabel=text, ylabel="Error [m]", title=label, ylim=(-highest, highest), xlim=(time[0], time[-1]))
+    axes.set(
+        xlabel=text,
+        ylabel="Error [m]",
+        title=label,
+        ylim=(-highest, highest),
+        xlim=(time[0], time[-1]),
+    )
     axes.legend(fontsize=8, loc="upper right")
 
 
@@ -118,8 +150,12 @@ def aligned_share(data: "xr.Dataset") -> float:
 def along_and_across(data: "xr.Dataset") -> tuple[float, float]:
     """Mean standard deviation [m] along and across the AUV's course, without the first minutes."""
     vertical = np.abs(np.sin(data.heading.values)) > np.sin(np.pi / 4)
-    along = np.where(vertical, data.sigma_y.values, data.sigma_x.values)[data.time.values > BEGINNING]
-    across = np.where(vertical, data.sigma_x.values, data.sigma_y.values)[data.time.values > BEGINNING]
+    along = np.where(vertical, data.sigma_y.values, data.sigma_x.values)[
+        data.time.values > BEGINNING
+    ]
+    across = np.where(vertical, data.sigma_x.values, data.sigma_y.values)[
+        data.time.values > BEGINNING
+    ]
     return float(along.mean()), float(across.mean())
 
 
@@ -147,7 +183,11 @@ def found_stationary(name: str, data: "xr.Dataset") -> Finding:
     """Locked on the truth or on its image."""
     expected = THESIS[name]["Stationary"][0] > LOST
     end = float((data.speed_estimate[-1] / data.speed[-1]).item())
-    state = "the point reflection about the aid vehicle, whose ranges and headings are the same" if data.mirrored else "the truth"
+    state = (
+        "the point reflection about the aid vehicle, whose ranges and headings are the same"
+        if data.mirrored
+        else "the truth"
+    )
     return Finding(
         agrees=bool(data.mirrored) == expected,
         sentence=(
@@ -160,7 +200,11 @@ def found_stationary(name: str, data: "xr.Dataset") -> Finding:
 
 def found_follower(name: str, policy: str, data: "xr.Dataset") -> Finding:
     """Follows or encircles; uncertainty comes and goes with the AUV's turns."""
-    far, rounds, (along, across) = separation(data).max(), encirclements(data), along_and_across(data)
+    far, rounds, (along, across) = (
+        separation(data).max(),
+        encirclements(data),
+        along_and_across(data),
+    )
     rms = dict(zip(data.policy.values, data.policy_rms.values, strict=True))
     other = "Path Inertia" if policy == "Empirical Gramian" else "Empirical Gramian"
     ratio = rms[policy] / rms[other]
@@ -183,7 +227,9 @@ def found_follower(name: str, policy: str, data: "xr.Dataset") -> Finding:
     )
 
 
-def item(number: int, name: str, policy: str, found: Callable[["xr.Dataset"], Finding], claim: str) -> Item:
+def item(
+    number: int, name: str, policy: str, found: Callable[["xr.Dataset"], Finding], claim: str
+) -> Item:
     """One figure of the appendix."""
     pace = "slow" if name == "survey-slow" else "fast"
     return Item(
@@ -206,7 +252,11 @@ ITEMS = (
         "Very poor, with a large drift that begins while the AUV moves along the line of sight.",
     ),
     item(
-        2, SLOW, "Stationary", partial(found_stationary, SLOW), "The survey moves enough for the filter to lock on to the AUV's position."
+        2,
+        SLOW,
+        "Stationary",
+        partial(found_stationary, SLOW),
+        "The survey moves enough for the filter to lock on to the AUV's position.",
     ),
     item(
         3,
@@ -223,9 +273,19 @@ ITEMS = (
         "An unintuitive path; the method may suffer where the AUV is as fast as the aid vehicle.",
     ),
     item(
-        5, FAST, "Circular", partial(found_circle, FAST), "Very poor, worse than slow: an inflated speed estimate causes a large excursion."
+        5,
+        FAST,
+        "Circular",
+        partial(found_circle, FAST),
+        "Very poor, worse than slow: an inflated speed estimate causes a large excursion.",
     ),
-    item(6, FAST, "Stationary", partial(found_stationary, FAST), "The filter locks on an incorrect estimate that mirrors the position."),
+    item(
+        6,
+        FAST,
+        "Stationary",
+        partial(found_stationary, FAST),
+        "The filter locks on an incorrect estimate that mirrors the position.",
+    ),
     item(
         7,
         FAST,

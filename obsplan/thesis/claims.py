@@ -17,7 +17,9 @@ RIGHT_ANGLE = 1e-9  # [m]; |s| below it is rounding of a right angle
 Class = Literal["outward", "right", "inward"]
 
 
-def offsets(pose: Float[np.ndarray, "*batch 3"]) -> tuple[Float[np.ndarray, "*batch"], Float[np.ndarray, "*batch"]]:
+def offsets(
+    pose: Float[np.ndarray, "*batch 3"],
+) -> tuple[Float[np.ndarray, "*batch"], Float[np.ndarray, "*batch"]]:
     """Return (s, b) about an AUV at the origin."""
     x, y, heading = np.moveaxis(np.asarray(pose), -1, 0)
     return longitudinal_offset(x, y, heading), lateral_offset(x, y, heading)
@@ -38,7 +40,9 @@ def is_monotone(distance: Float[np.ndarray, " samples"], s: float, slack: float)
     return bool((change[:turn] <= slack).all() and (change[turn:] >= -slack).all())
 
 
-def involute_distance(time: Float[np.ndarray, " samples"], s: float, b: float, speed: float) -> Float[np.ndarray, " samples"]:
+def involute_distance(
+    time: Float[np.ndarray, " samples"], s: float, b: float, speed: float
+) -> Float[np.ndarray, " samples"]:
     """Return d(t) for γ = 0 and no clip, d² = d0² + 2 V s t: the involute of the circle of radius |s|."""
     return np.sqrt(np.maximum(s**2 + b**2 + 2.0 * speed * s * np.asarray(time), 0.0))
 
@@ -83,7 +87,9 @@ def orbit_bound(gamma: float, min_radius: float) -> float:
 def capture_time(s: float, b: float, *, gamma: float, min_radius: float, speed: float) -> float:
     """Return the time [s] until the aid vehicle has settled into its last orbit, for γ > 0: see `orbit_bound`."""
     tau, t, path = radius_threshold(gamma), abs(b) - min_radius, 0.0
-    if s > 0 and t < tau and math.hypot(s, t) > min_radius:  # on the smallest circle until the AUV is r + τ abeam
+    if (
+        s > 0 and t < tau and math.hypot(s, t) > min_radius
+    ):  # on the smallest circle until the AUV is r + τ abeam
         away = math.hypot(s, t)
         path += min_radius * (math.asin(tau / away) - math.asin(t / away))
         s, t = math.sqrt(away**2 - tau**2), tau
@@ -96,7 +102,9 @@ def capture_time(s: float, b: float, *, gamma: float, min_radius: float, speed: 
     if away <= min_radius:
         return path / speed
     straight = math.sqrt(away**2 - min_radius**2)
-    path += min_radius * (math.asin(t / away) + math.asin(min_radius / away))  # on the smallest circle until the AUV is ahead
+    path += min_radius * (
+        math.asin(t / away) + math.asin(min_radius / away)
+    )  # on the smallest circle until the AUV is ahead
     return (path + straight) / speed
 
 
@@ -107,11 +115,15 @@ def first_turn(distance: Float[np.ndarray, " samples"]) -> int:
     return int(turned[0]) + 1 if turned.size else len(distance) - 1
 
 
-def fit_circle(position: Float[np.ndarray, "samples 2"]) -> tuple[Float[np.ndarray, " 2"], float, float]:
+def fit_circle(
+    position: Float[np.ndarray, "samples 2"],
+) -> tuple[Float[np.ndarray, " 2"], float, float]:
     """Return centre, radius and root mean square misfit [m] of the circle that fits best: ‖p‖² = 2 p·c + (R² - ‖c‖²), least squares."""
     middle = position.mean(axis=0)
     p = position - middle
-    solution = np.linalg.lstsq(np.column_stack([2.0 * p, np.ones(len(p))]), (p**2).sum(axis=1), rcond=None)[0]
+    solution = np.linalg.lstsq(
+        np.column_stack([2.0 * p, np.ones(len(p))]), (p**2).sum(axis=1), rcond=None
+    )[0]
     center, radius = solution[:2], math.sqrt(solution[2] + solution[:2] @ solution[:2])
     misfit = np.hypot(*(p - center).T) - radius
     return center + middle, radius, float(np.sqrt(np.mean(misfit**2)))

@@ -17,13 +17,17 @@ PANEL = 3.6  # [inch]
 START: dict[str, Any] = {"marker": "o", "ms": 4, "mfc": "white", "mew": 1.2, "ls": "", "zorder": 6}
 
 
-def panels(columns: int, *, rows: int = 1, width: float = PANEL, height: float = PANEL) -> tuple[Figure, list[Axes]]:
+def panels(
+    columns: int, *, rows: int = 1, width: float = PANEL, height: float = PANEL
+) -> tuple[Figure, list[Axes]]:
     """A figure with a grid of panels, row by row."""
     figure = Figure(figsize=(width * columns, height * rows), layout="constrained")
     return figure, list(np.ravel(figure.subplots(rows, columns)))
 
 
-def draw_tracks(axes: Axes, data: "xr.Dataset", colours: Sequence[str] | None = None, *, lw: float = 0.9) -> None:
+def draw_tracks(
+    axes: Axes, data: "xr.Dataset", colours: Sequence[str] | None = None, *, lw: float = 0.9
+) -> None:
     """Draw the aid vehicle's path from each start, and the AUVs, from above."""
     for i in range(data.sizes["start"]):
         one = data.isel(start=i)
@@ -31,7 +35,13 @@ def draw_tracks(axes: Axes, data: "xr.Dataset", colours: Sequence[str] | None = 
         axes.plot(one.x, one.y, color=paint, lw=lw, zorder=3)
         axes.plot(one.x[0], one.y[0], **START, mec=paint)
     for j, name in enumerate(data.auv.values):
-        _draw_auv(axes, data.isel(start=0, auv=j), str(name), several=data.sizes["auv"] > 1, paint=colour(j))
+        _draw_auv(
+            axes,
+            data.isel(start=0, auv=j),
+            str(name),
+            several=data.sizes["auv"] > 1,
+            paint=colour(j),
+        )
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("East [m]")
     axes.set_ylabel("North [m]")
@@ -55,12 +65,19 @@ def _draw_auv(axes: Axes, one: "xr.Dataset", name: str, *, several: bool, paint:
     )
 
 
-def draw_over_time(axes: Axes, data: "xr.Dataset", variable: str, label: str, colours: Sequence[str] | None = None) -> None:
+def draw_over_time(
+    axes: Axes, data: "xr.Dataset", variable: str, label: str, colours: Sequence[str] | None = None
+) -> None:
     """Draw a quantity over time: of each start if there are several, else of each AUV."""
     several = data.sizes["start"] > 1
     lines = data[variable].isel(auv=0) if several else data[variable].isel(start=0)
     for i, line in enumerate(lines.values):
-        axes.plot(data.time, line, color=colours[i] if colours else colour(i) if len(lines) > 1 else AID, lw=0.9)
+        axes.plot(
+            data.time,
+            line,
+            color=colours[i] if colours else colour(i) if len(lines) > 1 else AID,
+            lw=0.9,
+        )
     axes.set_xlabel("Time [s]")
     axes.set_ylabel(label)
     axes.set_xlim(0.0, float(data.time[-1]))
@@ -69,7 +86,15 @@ def draw_over_time(axes: Axes, data: "xr.Dataset", variable: str, label: str, co
 def guide(axes: Axes, y: float, text: str) -> None:
     """A horizontal line to compare with, and what it is."""
     axes.axhline(y, color=FAINT, lw=1.0, ls="--", zorder=1)
-    axes.annotate(text, (1.0, y), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=8, color="#555555")
+    axes.annotate(
+        text,
+        (1.0, y),
+        xycoords=("axes fraction", "data"),
+        ha="right",
+        va="bottom",
+        fontsize=8,
+        color="#555555",
+    )
 
 
 def log_ticks(axes: Axes, which: Literal["x", "y"]) -> None:

@@ -8,7 +8,9 @@ from jaxtyping import Float
 
 from formulations import empirical_gramian
 
-SIGNS = np.diag([-1.0, -1.0, 1.0])  # between the AUV's pose and its state relative to a moving aid vehicle: a position turned round
+SIGNS = np.diag(
+    [-1.0, -1.0, 1.0]
+)  # between the AUV's pose and its state relative to a moving aid vehicle: a position turned round
 INTERVALS = 60  # of the horizon; even
 HORIZON = 3.0  # [s]
 SPREAD = 3.0  # standard deviation of first positions [m] and headings [rad]
@@ -27,20 +29,29 @@ class Equality(NamedTuple):
 def gramian_equalities(trajectories: int, seed: int) -> Equality:
     """Compare either pair of Gramians, by central differences of the simulated systems, on paths of random turn rates."""
     rng = np.random.default_rng(seed)
-    differences = np.array([(current_difference(rng), heading_difference(rng)) for _ in range(trajectories)])
+    differences = np.array(
+        [(current_difference(rng), heading_difference(rng)) for _ in range(trajectories)]
+    )
     return Equality(*(float(value) for value in differences.max(axis=0)))
 
 
 def current_difference(rng: np.random.Generator) -> float:
     """Fixed CNA: x = (AUV, its current). Fixed AUV: r = -x, ṙ = -u + ΔW, as the CNA moves by the same u."""
     moved = displacement(SPREAD * rng.normal(), rng.uniform(-2.0, 2.0, INTERVALS))
-    x, time = rng.normal(size=4) * [SPREAD, SPREAD, CURRENT, CURRENT], np.linspace(0.0, HORIZON, INTERVALS + 1)[:, None]
+    x, time = (
+        rng.normal(size=4) * [SPREAD, SPREAD, CURRENT, CURRENT],
+        np.linspace(0.0, HORIZON, INTERVALS + 1)[:, None],
+    )
 
     def square(p: np.ndarray) -> np.ndarray:
         return (p**2).sum(axis=1, keepdims=True)
 
-    fixed_cna = empirical_gramian(lambda x: square(x[:2] + moved + x[2:] * time), x, horizon=HORIZON)
-    fixed_auv = empirical_gramian(lambda r: square(r[:2] - moved + r[2:] * time), -x, horizon=HORIZON)
+    fixed_cna = empirical_gramian(
+        lambda x: square(x[:2] + moved + x[2:] * time), x, horizon=HORIZON
+    )
+    fixed_auv = empirical_gramian(
+        lambda r: square(r[:2] - moved + r[2:] * time), -x, horizon=HORIZON
+    )
     return relative(fixed_cna, fixed_auv)
 
 
@@ -49,11 +60,15 @@ def heading_difference(rng: np.random.Generator) -> float:
     x, turns = rng.normal(size=3) * SPREAD, rng.uniform(-2.0, 2.0, INTERVALS)
     fixed_cna = empirical_gramian(outputs(lambda x: x, turns), x, horizon=HORIZON)
     of_cna: Callable[[np.ndarray], np.ndarray] = lambda r: np.array([-r[0], -r[1], r[2] - np.pi])  # noqa: E731
-    fixed_auv = empirical_gramian(outputs(of_cna, turns), np.array([-x[0], -x[1], x[2] + np.pi]), horizon=HORIZON)
+    fixed_auv = empirical_gramian(
+        outputs(of_cna, turns), np.array([-x[0], -x[1], x[2] + np.pi]), horizon=HORIZON
+    )
     return relative(fixed_cna, SIGNS @ fixed_auv @ SIGNS)
 
 
-def outputs(pose: Callable[[np.ndarray], np.ndarray], turns: Turns) -> Callable[[np.ndarray], np.ndarray]:
+def outputs(
+    pose: Callable[[np.ndarray], np.ndarray], turns: Turns
+) -> Callable[[np.ndarray], np.ndarray]:
     """Heading and squared range over time, from a state by the pose it stands for."""
 
     def simulate(state: np.ndarray) -> np.ndarray:
@@ -72,8 +87,16 @@ def headings(heading: float, turns: Turns) -> Float[np.ndarray, " samples"]:
 def displacement(heading: float, turns: Turns) -> Float[np.ndarray, "samples 2"]:
     """Where a unicycle of 1 m/s is, less where it began [m]: exact arcs."""
     half = 0.5 * turns * HORIZON / INTERVALS
-    middle, chord = headings(heading, turns)[:-1] + half, HORIZON / INTERVALS * np.sinc(half / np.pi)
-    return np.concatenate([np.zeros((1, 2)), np.cumsum(np.column_stack([chord * np.cos(middle), chord * np.sin(middle)]), axis=0)])
+    middle, chord = (
+        headings(heading, turns)[:-1] + half,
+        HORIZON / INTERVALS * np.sinc(half / np.pi),
+    )
+    return np.concatenate(
+        [
+            np.zeros((1, 2)),
+            np.cumsum(np.column_stack([chord * np.cos(middle), chord * np.sin(middle)]), axis=0),
+        ]
+    )
 
 
 def relative(W: Float[np.ndarray, "n n"], other: Float[np.ndarray, "n n"]) -> float:

@@ -18,7 +18,11 @@ WORTH_COMPILING = 20_000  # steps in all; fewer are sooner done than the C compi
 
 def scenario(name: str, planner: str, *settings: str, time_step: float = 0.1) -> Scenario:
     """A shipped scenario under another planner, a decision and a range at each of other time steps [s]."""
-    steps = (f"time_step={time_step!r}", f"planner.interval={time_step!r}", f"ranging.interval={time_step!r}")
+    steps = (
+        f"time_step={time_step!r}",
+        f"planner.interval={time_step!r}",
+        f"ranging.interval={time_step!r}",
+    )
     return load(name, planner=planner, settings=(*steps, *settings))
 
 
@@ -29,14 +33,20 @@ def pose(x: float, y: float, heading_deg: float) -> Pose:
 
 def random_starts(count: int, seed: int, half_width: float) -> list[Pose]:
     """Starts drawn evenly from a square about the origin [m] and from all headings."""
-    draws = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, 3)) * (half_width, half_width, np.pi)
+    draws = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, 3)) * (
+        half_width,
+        half_width,
+        np.pi,
+    )
     return [Pose(*(float(value) for value in draw)) for draw in draws]
 
 
 def fly(scenario: Scenario, starts: Sequence[Pose]) -> "xr.Dataset":
     """Fly a scenario from every start on one compiled step, and keep the tracks."""
     steps = len(starts) * (scenario.time.size - 1)
-    loop = ClosedLoop(scenario=scenario, planner=scenario.planner(), compiled=steps > WORTH_COMPILING)
+    loop = ClosedLoop(
+        scenario=scenario, planner=scenario.planner(), compiled=steps > WORTH_COMPILING
+    )
     return tracks([loop.fly(scenario.table.seed, start=start) for start in starts])
 
 
@@ -45,22 +55,36 @@ def tracks(runs: Sequence[Run]) -> "xr.Dataset":
     import xarray as xr
 
     def variable(name: str, values: list[np.ndarray], unit: str, *, auv: bool = False):
-        return (("start", *(("auv",) if auv else ()), "time"), np.stack(values), {"units": unit, "long_name": name})
+        return (
+            ("start", *(("auv",) if auv else ()), "time"),
+            np.stack(values),
+            {"units": unit, "long_name": name},
+        )
 
     table = runs[0].scenario.table
     return xr.Dataset(
         {
             "x": variable("aid vehicle, east", [run.cna[:, 0] for run in runs], "m"),
             "y": variable("aid vehicle, north", [run.cna[:, 1] for run in runs], "m"),
-            "heading": variable("heading, counter-clockwise from east", [run.cna[:, 2] for run in runs], "rad"),
+            "heading": variable(
+                "heading, counter-clockwise from east", [run.cna[:, 2] for run in runs], "rad"
+            ),
             "turn_rate": variable("turn rate", [run.turn_rate for run in runs], "rad s-1"),
             "auv_x": variable("AUV, east", [run.truth[..., 0] for run in runs], "m", auv=True),
             "auv_y": variable("AUV, north", [run.truth[..., 1] for run in runs], "m", auv=True),
-            "distance": variable("aid vehicle to AUV", [run.separation for run in runs], "m", auv=True),
-            "condition": variable("predicted condition number", [run.condition for run in runs], "1", auv=True),
+            "distance": variable(
+                "aid vehicle to AUV", [run.separation for run in runs], "m", auv=True
+            ),
+            "condition": variable(
+                "predicted condition number", [run.condition for run in runs], "1", auv=True
+            ),
         },
         coords={"time": ("time", runs[0].time, {"units": "s"}), "auv": runs[0].names},
-        attrs={"speed": table.cna.speed, "min_turn_radius": table.cna.min_turn_radius, "time_step": table.time_step},
+        attrs={
+            "speed": table.cna.speed,
+            "min_turn_radius": table.cna.min_turn_radius,
+            "time_step": table.time_step,
+        },
     )
 
 

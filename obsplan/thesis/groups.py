@@ -32,12 +32,17 @@ def static_formation() -> Scenario:
 
 def centroid_offset(data: "xr.Dataset") -> np.ndarray:
     """Position of the aid vehicle relative to the AUVs' centroid [m], by start, time and axis."""
-    return np.stack([(data.x - data.auv_x.mean("auv")).values, (data.y - data.auv_y.mean("auv")).values], axis=-1)
+    return np.stack(
+        [(data.x - data.auv_x.mean("auv")).values, (data.y - data.auv_y.mean("auv")).values],
+        axis=-1,
+    )
 
 
 def typical_condition(data: "xr.Dataset", since: float = 0.0) -> np.ndarray:
     """Geometric mean over time of the predicted condition number, by start and AUV."""
-    kept = data.condition.isel(time=slice(0, -1)).values[..., data.time.values[:-1] >= since]  # the last sample decides nothing
+    kept = data.condition.isel(time=slice(0, -1)).values[
+        ..., data.time.values[:-1] >= since
+    ]  # the last sample decides nothing
     return np.exp(np.log(kept).mean(axis=-1))
 
 
@@ -57,7 +62,9 @@ def draw_static(data: "xr.Dataset") -> Figure:
     axes[0].legend(loc="upper left", fontsize=8)
     away = np.hypot(*np.moveaxis(centroid_offset(data)[0], -1, 0))
     axes[1].plot(data.time, away, color="#333333", lw=0.7)
-    guide(axes[1], claims.orbit_bound(1.0, data.min_turn_radius), "bound of the orbit about one AUV")
+    guide(
+        axes[1], claims.orbit_bound(1.0, data.min_turn_radius), "bound of the orbit about one AUV"
+    )
     axes[1].set(xlabel="Time [s]", ylabel="Distance to the centroid [m]")
     draw_over_time(axes[2], data, "condition", "Predicted condition number κ(J) [-]")
     axes[2].set_yscale("log")
@@ -66,13 +73,22 @@ def draw_static(data: "xr.Dataset") -> Figure:
 
 def found_static(data: "xr.Dataset") -> Finding:
     """About the centroid; not equally good for all."""
-    names, condition, others = [str(name) for name in data.auv.values], typical_condition(data)[0], data.other_condition.values
+    names, condition, others = (
+        [str(name) for name in data.auv.values],
+        typical_condition(data)[0],
+        data.other_condition.values,
+    )
     away = np.hypot(*np.moveaxis(centroid_offset(data)[0], -1, 0))
     last = data.time.values > data.time.values[-1] - 60.0
     best, uneven = names[int(condition.argmin())], others.max(axis=1) / others.min(axis=1)
-    shares = ", ".join(f"{name} in {np.mean(others.argmin(axis=1) == i):.0%}" for i, name in enumerate(names))
+    shares = ", ".join(
+        f"{name} in {np.mean(others.argmin(axis=1) == i):.0%}" for i, name in enumerate(names)
+    )
     return Finding(
-        agrees=bool(away[last].max() < 2 * claims.orbit_bound(1.0, data.min_turn_radius) and (uneven > EVEN).mean() > 0.5),
+        agrees=bool(
+            away[last].max() < 2 * claims.orbit_bound(1.0, data.min_turn_radius)
+            and (uneven > EVEN).mean() > 0.5
+        ),
         sentence=(
             f"The path is that about a single AUV at the centroid: out to {away.max():.1f} m, since the start heads straight away from "
             f"it, and from "
@@ -97,16 +113,38 @@ def draw_mobile(data: "xr.Dataset") -> Figure:
     figure, axes = panels(3, width=4.0)
     colours = (AID, ABEAM)
     for i, (title, paint) in enumerate(
-        zip(("(a) the thesis's start, heading +y", "(b) heading -x: formation abeam"), colours, strict=True)
+        zip(
+            ("(a) the thesis's start, heading +y", "(b) heading -x: formation abeam"),
+            colours,
+            strict=True,
+        )
     ):
         one = data.isel(start=[i])
         draw_tracks(axes[i], one, [paint], lw=0.7)
-        axes[i].plot(one.auv_x.mean("auv")[0], one.auv_y.mean("auv")[0], color="black", ls=":", lw=1.2, label="centroid", zorder=5)
+        axes[i].plot(
+            one.auv_x.mean("auv")[0],
+            one.auv_y.mean("auv")[0],
+            color="black",
+            ls=":",
+            lw=1.2,
+            label="centroid",
+            zorder=5,
+        )
         axes[i].set_title(title)
-        axes[2].plot(data.time, np.hypot(*np.moveaxis(centroid_offset(data)[i], -1, 0)), color=paint, lw=0.8, label=title[:3])
+        axes[2].plot(
+            data.time,
+            np.hypot(*np.moveaxis(centroid_offset(data)[i], -1, 0)),
+            color=paint,
+            lw=0.8,
+            label=title[:3],
+        )
     axes[0].legend(loc="upper left", fontsize=8)
     axes[2].axvline(TURN, color=FAINT, lw=1.0, ls="--")
-    axes[2].set(xlabel="Time [s] (dashed: the formation turns)", ylabel="Distance to the centroid [m]", ylim=(0.0, None))
+    axes[2].set(
+        xlabel="Time [s] (dashed: the formation turns)",
+        ylabel="Distance to the centroid [m]",
+        ylim=(0.0, None),
+    )
     axes[2].legend()
     return figure
 

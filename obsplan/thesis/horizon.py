@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 STARTS = 50
 HALF_WIDTH = 5.0  # of the square of random starts [m]: the thesis's does not tell; the atypical ones start beyond 5 m
 LAST = 20.0  # [s] over which a final orbit is judged: some four turns
-NEARLY = 0.2  # of the radius: a circle whose centre is that close to the AUV is nearly centred on it
+NEARLY = (
+    0.2  # of the radius: a circle whose centre is that close to the AUV is nearly centred on it
+)
 ROUND = 0.02  # of the radius: misfit of a circle
 VARIANTS = ("exact", "thesis")
 PRINTED = {"exact": "as simulated", "thesis": "as printed in (4.6)"}
@@ -35,14 +37,20 @@ def by_variant(name: str, starts: Any, *settings: str) -> "xr.Dataset":
     """Fly the same starts with each Gramian."""
     import xarray as xr
 
-    flown = [fly(scenario(name, "gramian", f'planner.gramian="{variant}"', *settings), starts) for variant in VARIANTS]
+    flown = [
+        fly(scenario(name, "gramian", f'planner.gramian="{variant}"', *settings), starts)
+        for variant in VARIANTS
+    ]
     return xr.concat(flown, dim=xr.DataArray(list(VARIANTS), dims="gramian", name="gramian"))
 
 
 def final_orbit(data: "xr.Dataset") -> np.ndarray:
     """Offset of the final circle's centre from the AUV, its radius and its misfit [m] of each start."""
     late, path = data.time.values > data.time.values[-1] - LAST, poses(data)[..., :2]
-    fits = [claims.fit_circle(track[late] - auv[late]) for track, auv in zip(path, auv_path(data), strict=True)]
+    fits = [
+        claims.fit_circle(track[late] - auv[late])
+        for track, auv in zip(path, auv_path(data), strict=True)
+    ]
     return np.array([(np.hypot(*center), radius, misfit) for center, radius, misfit in fits])
 
 
@@ -70,7 +78,13 @@ def draw_single(data: "xr.Dataset") -> Figure:
         draw_tracks(one, data.sel(gramian=variant))
         one.set_title(f"Gramian {PRINTED[variant]}")
     for variant, paint in zip(VARIANTS, (AID, "#0072B2"), strict=True):
-        axes[2].plot(data.time, data.distance.sel(gramian=variant)[0, 0], color=paint, lw=0.9, label=PRINTED[variant])
+        axes[2].plot(
+            data.time,
+            data.distance.sel(gramian=variant)[0, 0],
+            color=paint,
+            lw=0.9,
+            label=PRINTED[variant],
+        )
     axes[2].set(xlabel="Time [s]", ylabel="Distance [m]", ylim=(0.0, None), xlim=(0.0, 30.0))
     axes[2].legend(loc="lower right")
     return figure
@@ -92,7 +106,9 @@ def found_single(data: "xr.Dataset") -> Finding:
 
 def compute_random(*, runs: int, seed: int) -> "xr.Dataset":
     """Figure 5.11."""
-    return by_variant("fixed-auv", random_starts(min(runs, STARTS), seed, HALF_WIDTH), "duration=60.0")
+    return by_variant(
+        "fixed-auv", random_starts(min(runs, STARTS), seed, HALF_WIDTH), "duration=60.0"
+    )
 
 
 def draw_random(data: "xr.Dataset") -> Figure:
@@ -107,9 +123,17 @@ def draw_random(data: "xr.Dataset") -> Figure:
         one.set_aspect("equal", adjustable="box")
     away, cosine = start_geometry(data.sel(gramian="exact"))
     lost = ~settled(data.sel(gramian="exact"))
-    axes[2].plot(away[~lost], cosine[~lost], "o", ms=5, mfc="none", mec=FAINT, label="settles about the AUV")
-    axes[2].plot(away[lost], cosine[lost], "o", ms=6, color=RAN_AWAY, label="runs away (as simulated)")
-    axes[2].set(xlabel="Distance of the start [m]", ylabel="Cosine of heading to the ray outward [-]", ylim=(-1.1, 1.5))
+    axes[2].plot(
+        away[~lost], cosine[~lost], "o", ms=5, mfc="none", mec=FAINT, label="settles about the AUV"
+    )
+    axes[2].plot(
+        away[lost], cosine[lost], "o", ms=6, color=RAN_AWAY, label="runs away (as simulated)"
+    )
+    axes[2].set(
+        xlabel="Distance of the start [m]",
+        ylabel="Cosine of heading to the ray outward [-]",
+        ylim=(-1.1, 1.5),
+    )
     axes[2].set_title("Which starts run away")
     axes[2].legend(loc="upper left")
     return figure
@@ -153,7 +177,9 @@ def compute_groups(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001 - o
 
     static = by_variant("fixed-formation", [pose(0.0, 2.0, 90.0)], "duration=120.0")
     mobile = by_variant("mobile-formation", [pose(0.0, 2.0, 90.0)], "duration=120.0")
-    return xr.concat([static, mobile], dim=xr.DataArray(["static", "mobile"], dims="formation", name="formation"))
+    return xr.concat(
+        [static, mobile], dim=xr.DataArray(["static", "mobile"], dims="formation", name="formation")
+    )
 
 
 def draw_groups(data: "xr.Dataset") -> Figure:
@@ -167,7 +193,9 @@ def draw_groups(data: "xr.Dataset") -> Figure:
         for variant, paint in zip(VARIANTS, (AID, "#0072B2"), strict=True):
             away = centroid_distance(data.sel(formation=formation, gramian=variant))
             axes[3 * row + 2].plot(data.time, away, color=paint, lw=0.7, label=PRINTED[variant])
-        axes[3 * row + 2].set(xlabel="Time [s]", ylabel="Distance to the centroid [m]", ylim=(0.0, None))
+        axes[3 * row + 2].set(
+            xlabel="Time [s]", ylabel="Distance to the centroid [m]", ylim=(0.0, None)
+        )
     axes[2].legend(loc="upper right")
     return figure
 
@@ -181,7 +209,9 @@ def found_groups(data: "xr.Dataset") -> Finding:
     """No growing separation; not always the smallest circle, not always about the centroid."""
     parts, farthest, smallest, centered = [], 0.0, [], []
     for variant in VARIANTS:
-        static, mobile = (data.sel(formation=formation, gramian=variant) for formation in ("static", "mobile"))
+        static, mobile = (
+            data.sel(formation=formation, gramian=variant) for formation in ("static", "mobile")
+        )
         track = centroid_offset(static)[0][static.time.values > static.time.values[-1] - LAST]
         center, radius, _ = claims.fit_circle(track)
         farthest = max(farthest, centroid_distance(static).max(), centroid_distance(mobile).max())

@@ -19,7 +19,11 @@ HALF_WIDTH = 3.0  # of the square starts are drawn from [m]; the thesis does not
 ROUNDING = 1e-9  # [m], [-]; sums of some 1000 steps
 NEAR = 0.1  # [m]; "very near zero": the length of one step
 CLASS_COLOURS = {"outward": "#D55E00", "right": "#009E73", "inward": "#0072B2"}
-CLASS_NAMES = {"outward": "obtuse: AUV behind", "right": "right: AUV abeam", "inward": "acute: AUV ahead"}
+CLASS_NAMES = {
+    "outward": "obtuse: AUV behind",
+    "right": "right: AUV abeam",
+    "inward": "acute: AUV ahead",
+}
 
 
 def first_distance(data: "xr.Dataset") -> np.ndarray:
@@ -127,7 +131,9 @@ def found_random(data: "xr.Dataset") -> Finding:
     nearest, through = d[passed].min(axis=1), expected == 0.0
     inward = sum(s < 0 for s, _ in starts)
     return Finding(
-        agrees=None if monotone == len(starts) and nearest[through].max(initial=0.0) < NEAR else False,
+        agrees=None
+        if monotone == len(starts) and nearest[through].max(initial=0.0) < NEAR
+        else False,
         sentence=(
             f"The distance is monotone as claimed, at every step, in {monotone} of {len(starts)} random starts, {len(starts) - inward} "
             f"outward "
@@ -148,7 +154,12 @@ def involute_error(data: "xr.Dataset") -> float:
     for d, (s, b) in zip(first_distance(data), first_offsets(data), strict=True):
         holds = time < claims.unclipped(s, b, data.min_turn_radius, data.speed)
         if abs(b) >= data.min_turn_radius:
-            error = max(error, np.abs(d - claims.involute_distance(time, s, b, data.speed))[holds].max(initial=0.0))
+            error = max(
+                error,
+                np.abs(d - claims.involute_distance(time, s, b, data.speed))[holds].max(
+                    initial=0.0
+                ),
+            )
     return float(error)
 
 

@@ -17,7 +17,11 @@ from obsplan.types import ObsplanError
 if TYPE_CHECKING:
     import xarray as xr
 
-FIGURES = {"rms_error": "RMS error over all AUVs", "worst_auv_rms": "RMS error of the worst AUV", "max_error": "greatest error"}
+FIGURES = {
+    "rms_error": "RMS error over all AUVs",
+    "worst_auv_rms": "RMS error of the worst AUV",
+    "max_error": "greatest error",
+}
 FIGURES |= {"separation": "mean distance to the aid vehicle"}  # all in metres
 WORTH_A_CLUSTER = 10_000_000  # steps in all; fewer are sooner done here than workers have started and built every case
 Z95 = 1.96  # of a normal distribution, 95 % within
@@ -25,7 +29,9 @@ Z95 = 1.96  # of a normal distribution, 95 % within
 Cases = Mapping[tuple[str, ...], Scenario]
 
 
-def fly_grid(cases: Cases, dims: tuple[str, ...], seeds: range, planner: Callable[..., Planner] | None = None) -> "xr.Dataset":
+def fly_grid(
+    cases: Cases, dims: tuple[str, ...], seeds: range, planner: Callable[..., Planner] | None = None
+) -> "xr.Dataset":
     """Figures of merit over a grid of cases and seeds; every case meets the same noise.
 
     ``cases`` holds every combination of the coordinates of ``dims``. Large grids are flown as a campaign, on all cores. ``planner`` makes
@@ -35,13 +41,21 @@ def fly_grid(cases: Cases, dims: tuple[str, ...], seeds: range, planner: Callabl
 
     steps = sum(scenario.time.size for scenario in cases.values()) * len(seeds)
     if planner is not None or steps < WORTH_A_CLUSTER:
-        values = [fly_here(one, seeds, None if planner is None else planner(*key)) for key, one in cases.items()]
+        values = [
+            fly_here(one, seeds, None if planner is None else planner(*key))
+            for key, one in cases.items()
+        ]
     else:
         values = fly_as_campaign([(one, seeds) for one in cases.values()])
     coordinates = [list(dict.fromkeys(labels)) for labels in zip(*cases, strict=True)]
     table = np.array(values).reshape(*map(len, coordinates), len(seeds), len(FIGURES))
-    named = {name: ((*dims, "seed"), table[..., k], {"units": "m", "long_name": text}) for k, (name, text) in enumerate(FIGURES.items())}
-    return xr.Dataset(named, coords={**dict(zip(dims, coordinates, strict=True)), "seed": list(seeds)})
+    named = {
+        name: ((*dims, "seed"), table[..., k], {"units": "m", "long_name": text})
+        for k, (name, text) in enumerate(FIGURES.items())
+    }
+    return xr.Dataset(
+        named, coords={**dict(zip(dims, coordinates, strict=True)), "seed": list(seeds)}
+    )
 
 
 def fly_here(scenario: Scenario, seeds: range, planner: Planner | None = None) -> list[list[float]]:
@@ -72,21 +86,31 @@ def fly_as_campaign(cases: Sequence[tuple[Scenario, range]]) -> list[list[list[f
     for k, (scenario, seeds) in enumerate(cases):
         cell = cell_of(scenario, base="thesis", settings=(), seeds=seeds)
         keys.append(cell.key)
-        if cell.key not in cells or len(seeds) > len(cells[cell.key].seeds):  # cases may be the same under two names
+        if cell.key not in cells or len(seeds) > len(
+            cells[cell.key].seeds
+        ):  # cases may be the same under two names
             cells[cell.key] = replace(cell, scenario=f"case-{k}")
     with TemporaryDirectory() as folder:
         report = fly_campaign(tuple(cells.values()), folder)
         if report.failed:
             cell, seed, why = report.failures[0]
-            raise ObsplanError(f"{report.failed} missions failed, the first of {cell.label} with seed {seed}: {why}; try other seeds")
+            raise ObsplanError(
+                f"{report.failed} missions failed, the first of {cell.label} with seed {seed}: {why}; try other seeds"
+            )
         table = load_campaign(folder).set_index(["scenario", "seed"]).sort_index()
-    return [[_row(table.loc[cells[key].scenario].loc[seed]) for seed in seeds] for key, (_, seeds) in zip(keys, cases, strict=True)]
+    return [
+        [_row(table.loc[cells[key].scenario].loc[seed]) for seed in seeds]
+        for key, (_, seeds) in zip(keys, cases, strict=True)
+    ]
 
 
 def _row(row: Any) -> list[float]:
     """The figures of one mission of a campaign's table."""
     worst = max(figures["rms_error_m"] for figures in json.loads(row["auv"]).values())
-    return [float(value) for value in (row["rms_error_m"], worst, row["max_error_m"], row["separation_mean_m"])]
+    return [
+        float(value)
+        for value in (row["rms_error_m"], worst, row["max_error_m"], row["separation_mean_m"])
+    ]
 
 
 def is_mirrored(run: Run) -> bool:
@@ -96,7 +120,9 @@ def is_mirrored(run: Run) -> bool:
     """
     late = slice(run.time.size // 2, None)
     truth, mean, center = run.truth[0, late, :2], run.mean[0, late, :2], run.cna[late, :2]
-    return bool(np.median(np.hypot(*(mean - (2.0 * center - truth)).T)) < np.median(run.error[0, late]))
+    return bool(
+        np.median(np.hypot(*(mean - (2.0 * center - truth)).T)) < np.median(run.error[0, late])
+    )
 
 
 def interval(share: float, n: int) -> tuple[float, float]:

@@ -36,12 +36,19 @@ def select(names: Iterable[str]) -> list[Item]:
     asked = list(dict.fromkeys(names))
     unknown = [name for name in asked if name != "all" and name not in ITEMS]
     if unknown:
-        raise ObsplanError(f'the thesis has no "{unknown[0]}"; give all, or some of {", ".join(ITEMS)}')
+        raise ObsplanError(
+            f'the thesis has no "{unknown[0]}"; give all, or some of {", ".join(ITEMS)}'
+        )
     return [item for name, item in ITEMS.items() if name in asked or "all" in asked]
 
 
 def write_thesis(
-    names: Iterable[str], folder: Path | str, *, runs: int = 100, seed: int = 1, progress: Progress | None = None
+    names: Iterable[str],
+    folder: Path | str,
+    *,
+    runs: int = 100,
+    seed: int = 1,
+    progress: Progress | None = None,
 ) -> dict[str, Finding]:
     """Make items and write pictures, data and ``thesis.md`` into a new folder, all or nothing; returns what was found, by item.
 
@@ -67,7 +74,9 @@ def write_thesis(
             data = item.compute(runs=runs, seed=seed)
             findings[item.name] = item.found(data)
             write_item(item, data, made)
-            sections.append(section(item, findings[item.name], [] if item.rows is None else item.rows(data)))
+            sections.append(
+                section(item, findings[item.name], [] if item.rows is None else item.rows(data))
+            )
             if progress is not None:
                 progress(k + 1, len(items))
         write_atomically(made / "thesis.md", page(items, findings, sections, runs=runs, seed=seed))
@@ -89,7 +98,14 @@ def netcdf(data: "xr.Dataset") -> bytes:
     return bytes(data.to_netcdf(engine="scipy", format="NETCDF3_64BIT"))  # pyright: ignore[reportArgumentType, reportCallIssue]
 
 
-def page(items: list[Item], findings: dict[str, Finding], sections: list[list[str]], *, runs: int, seed: int) -> str:
+def page(
+    items: list[Item],
+    findings: dict[str, Finding],
+    sections: list[list[str]],
+    *,
+    runs: int,
+    seed: int,
+) -> str:
     """The summary page, in Markdown."""
     lines = [
         "# The thesis, reproduced",
@@ -99,11 +115,16 @@ def page(items: list[Item], findings: dict[str, Finding], sections: list[list[st
         "",
         "| Item | What it shows | Found |",
         "| --- | --- | --- |",
-        *(f"| [{item.name}](#{anchor(item)}) | {item.title} | {item.verdict(findings[item.name])} |" for item in items),
+        *(
+            f"| [{item.name}](#{anchor(item)}) | {item.title} | {item.verdict(findings[item.name])} |"
+            for item in items
+        ),
     ]
     chapter = ""
     for item, text in zip(items, sections, strict=True):
-        heading = next(heading for prefix, heading in HEADINGS.items() if item.name.startswith(prefix))
+        heading = next(
+            heading for prefix, heading in HEADINGS.items() if item.name.startswith(prefix)
+        )
         lines += [] if heading == chapter else ["", f"## {heading}"]
         chapter = heading
         lines += text
@@ -118,7 +139,9 @@ def anchor(item: Item) -> str:
 def section(item: Item, finding: Finding, rows: list[list[str]]) -> list[str]:
     """One item: its picture beside claim and finding, and its table."""
     said = "Question" if item.asks else "Thesis"
-    data = f"[data]({item.name}.nc)" + (f", [table]({item.name}.csv)" if item.rows is not None else "")
+    data = f"[data]({item.name}.nc)" + (
+        f", [table]({item.name}.csv)" if item.rows is not None else ""
+    )
     text = f"**{item.title}**<br><br>**{said}:** {item.claim}<br><br>**Found, {item.verdict(finding)}:** {finding.sentence}<br><br>{data}"
     return [
         "",

@@ -9,7 +9,14 @@ from obsplan.report.style import AID, FAINT
 from obsplan.thesis import claims
 from obsplan.thesis.drawing import draw_over_time, draw_tracks, guide, panels
 from obsplan.thesis.flights import fly, pose, random_starts, scenario
-from obsplan.thesis.inertia import CLASS_COLOURS, CLASS_NAMES, HALF_WIDTH, classes, first_distance, first_offsets
+from obsplan.thesis.inertia import (
+    CLASS_COLOURS,
+    CLASS_NAMES,
+    HALF_WIDTH,
+    classes,
+    first_distance,
+    first_offsets,
+)
 from obsplan.thesis.item import Finding, Item
 
 if TYPE_CHECKING:
@@ -18,13 +25,18 @@ if TYPE_CHECKING:
 STARTS = 25  # of the thesis's second Monte Carlo experiment
 GAMMAS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
 LEG_START = (1.5, 0.5)  # (b, s) of Figure 5.7 [m]: outside the clip for every γ
-SHORT_STEP = 0.02  # [s]; the closed form is the limit of short steps, and small γ is sensitive to them
+SHORT_STEP = (
+    0.02  # [s]; the closed form is the limit of short steps, and small γ is sensitive to them
+)
 LAST = 60.0  # [s] at the end, over which an orbit is judged: some ten petals
 
 
 def compute_pivot(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001 - one flight, always the same
     """Figure 5.4."""
-    return fly(scenario("fixed-auv", "path-inertia", "planner.gamma=1.0", "duration=60.0"), [pose(1.0, 0.0, 90.0)])
+    return fly(
+        scenario("fixed-auv", "path-inertia", "planner.gamma=1.0", "duration=60.0"),
+        [pose(1.0, 0.0, 90.0)],
+    )
 
 
 def draw_pivot(data: "xr.Dataset") -> Figure:
@@ -32,7 +44,9 @@ def draw_pivot(data: "xr.Dataset") -> Figure:
     figure, axes = panels(3)
     draw_tracks(axes[0], data)
     angle = np.linspace(0.0, 2.0 * np.pi, 200)
-    axes[0].plot(np.cos(angle), np.sin(angle), color=FAINT, ls="--", lw=1.0, label="analytic circle")
+    axes[0].plot(
+        np.cos(angle), np.sin(angle), color=FAINT, ls="--", lw=1.0, label="analytic circle"
+    )
     draw_over_time(axes[1], data, "distance", "Distance [m]")
     guide(axes[1], 1.0, "analytic circle")
     axes[1].set_ylim(0.0, 1.3)
@@ -57,7 +71,10 @@ def found_pivot(data: "xr.Dataset") -> Finding:
 
 def compute_two(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001 - two flights, always the same
     """Figure 5.5."""
-    return fly(scenario("fixed-auv", "path-inertia", "planner.gamma=1.0", "duration=80.0"), [pose(1.0, 0.0, 45.0), pose(2.0, 0.0, 120.0)])
+    return fly(
+        scenario("fixed-auv", "path-inertia", "planner.gamma=1.0", "duration=80.0"),
+        [pose(1.0, 0.0, 45.0), pose(2.0, 0.0, 120.0)],
+    )
 
 
 def draw_two(data: "xr.Dataset") -> Figure:
@@ -75,11 +92,18 @@ def draw_two(data: "xr.Dataset") -> Figure:
 def found_two(data: "xr.Dataset") -> Finding:
     """The outward start goes out once; both end within the bound."""
     out, falling = first_distance(data)
-    bound, last = claims.orbit_bound(1.0, data.min_turn_radius), data.time.values > data.time.values[-1] - LAST / 2
+    bound, last = (
+        claims.orbit_bound(1.0, data.min_turn_radius),
+        data.time.values > data.time.values[-1] - LAST / 2,
+    )
     grows, step = np.diff(falling)[0] > 0, data.speed * data.time_step
     leg = claims.first_turn(out)
     return Finding(
-        agrees=bool(out[1] > out[0] and not grows and max(out[last].max(), falling[last].max()) < bound + step),
+        agrees=bool(
+            out[1] > out[0]
+            and not grows
+            and max(out[last].max(), falling[last].max()) < bound + step
+        ),
         sentence=(
             f"Obtuse: out to {out[leg]:.2f} m during {data.time[leg]:.1f} s, then back. Acute: no leg outward. Both end in an orbit "
             f"through or "
@@ -122,10 +146,18 @@ def settled(data: "xr.Dataset") -> np.ndarray:
 def found_random(data: "xr.Dataset") -> Finding:
     """Two classes; all that are given time settle, and the closed form tells which are."""
     d, starts, done = first_distance(data), first_offsets(data), settled(data)
-    needed = np.array([claims.capture_time(s, b, gamma=1.0, min_radius=data.min_turn_radius, speed=data.speed) for s, b in starts])
+    needed = np.array(
+        [
+            claims.capture_time(s, b, gamma=1.0, min_radius=data.min_turn_radius, speed=data.speed)
+            for s, b in starts
+        ]
+    )
     given, kinds = needed < float(data.time[-1]) - LAST, classes(data)
     as_classed = sum((d[i, 1] > d[i, 0]) == (kind == "outward") for i, kind in enumerate(kinds))
-    bound, last = claims.orbit_bound(1.0, data.min_turn_radius), data.time.values > data.time.values[-1] - LAST
+    bound, last = (
+        claims.orbit_bound(1.0, data.min_turn_radius),
+        data.time.values > data.time.values[-1] - LAST,
+    )
     return Finding(
         agrees=bool(done[given].all() and as_classed == len(kinds)),
         sentence=(
@@ -144,9 +176,17 @@ def compute_gamma(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001 - on
     import xarray as xr
 
     b, s = LEG_START
-    measured = np.array([[flown_leg(gamma, SHORT_STEP / k) for gamma in GAMMAS] for k in (1, 2)])  # (step, γ, duration | farthest)
+    measured = np.array(
+        [[flown_leg(gamma, SHORT_STEP / k) for gamma in GAMMAS] for k in (1, 2)]
+    )  # (step, γ, duration | farthest)
     exact = np.array([claims.outward_leg(s, b, gamma=gamma, speed=1.0) for gamma in GAMMAS])
-    shown = [fly(scenario("fixed-auv", "path-inertia", f"planner.gamma={g}", "duration=120.0"), [pose(b, s, 90.0)]) for g in GAMMAS]
+    shown = [
+        fly(
+            scenario("fixed-auv", "path-inertia", f"planner.gamma={g}", "duration=120.0"),
+            [pose(b, s, 90.0)],
+        )
+        for g in GAMMAS
+    ]
     legs = {
         "leg_duration": (("step", "gamma"), measured[..., 0], {"units": "s"}),
         "leg_farthest": (("step", "gamma"), measured[..., 1], {"units": "m"}),
@@ -161,7 +201,13 @@ def flown_leg(gamma: float, time_step: float) -> tuple[float, float]:
     """Duration [s] and farthest distance [m] of the leg outward, as flown."""
     b, s = LEG_START
     longest = 1.5 * claims.outward_leg(s, b, gamma=gamma, speed=1.0)[0] + 1.0
-    setup = scenario("fixed-auv", "path-inertia", f"planner.gamma={gamma}", f"duration={longest}", time_step=time_step)
+    setup = scenario(
+        "fixed-auv",
+        "path-inertia",
+        f"planner.gamma={gamma}",
+        f"duration={longest}",
+        time_step=time_step,
+    )
     data = fly(setup, [pose(b, s, 90.0)])
     d = first_distance(data)[0]
     turn = claims.first_turn(d)
@@ -171,14 +217,29 @@ def flown_leg(gamma: float, time_step: float) -> tuple[float, float]:
 def draw_gamma(data: "xr.Dataset") -> Figure:
     """Paths for some γ, and the leg's duration and farthest distance over γ against the closed form."""
     figure, axes = panels(3, width=4.0)
-    for gamma, paint in zip((0.01, 0.1, 1.0, 10.0), ("#56B4E9", "#0072B2", "#E69F00", "#D55E00"), strict=True):
+    for gamma, paint in zip(
+        (0.01, 0.1, 1.0, 10.0), ("#56B4E9", "#0072B2", "#E69F00", "#D55E00"), strict=True
+    ):
         draw_tracks(axes[0], data.isel(start=[GAMMAS.index(gamma)]), [paint])
         axes[0].plot([], [], color=paint, label=f"γ = {gamma:g}")
     axes[0].legend(loc="upper right", fontsize=8)
     axes[0].set_title(f"{data.time[-1]:.0f} s from the same start")
-    for one, name, label in zip(axes[1:], ("duration", "farthest"), ("Leg outward [s]", "Farthest distance [m]"), strict=True):
+    for one, name, label in zip(
+        axes[1:],
+        ("duration", "farthest"),
+        ("Leg outward [s]", "Farthest distance [m]"),
+        strict=True,
+    ):
         one.loglog(data.gamma, data[f"exact_{name}"], color=AID, lw=1.0, label="closed form")
-        one.loglog(data.gamma, data[f"leg_{name}"][1], "o", ms=5, mfc="none", color="#D55E00", label=f"flown, {SHORT_STEP / 2:g} s steps")
+        one.loglog(
+            data.gamma,
+            data[f"leg_{name}"][1],
+            "o",
+            ms=5,
+            mfc="none",
+            color="#D55E00",
+            label=f"flown, {SHORT_STEP / 2:g} s steps",
+        )
         one.set_xlabel("γ [-]")
         one.set_ylabel(label)
         one.legend()
@@ -194,7 +255,10 @@ def extrapolated(data: "xr.Dataset", name: str) -> np.ndarray:
 def found_gamma(data: "xr.Dataset") -> Finding:
     """The larger γ, the shorter the leg; duration and distance meet the closed form."""
     duration, exact = data.leg_duration.values[1], data.exact_duration.values
-    off = [np.abs(extrapolated(data, name) / data[f"exact_{name}"].values - 1.0).max() for name in ("duration", "farthest")]
+    off = [
+        np.abs(extrapolated(data, name) / data[f"exact_{name}"].values - 1.0).max()
+        for name in ("duration", "farthest")
+    ]
     b, s = LEG_START
     limit = 2.0 * (b - 0.5) * s + 4.0 * s**3 / 3.0  # τ → 1/2 m
     falls = bool((np.diff(duration) < 0).all())

@@ -26,11 +26,27 @@ if TYPE_CHECKING:
 
 SHARE = 5  # a fifth of the seeds for each case of a study
 SMALL = ("auv.0.survey.legs=3", "auv.0.survey.length=20.0")  # 76 m of survey
-HORIZONS = (1 / 6, 1 / 3, 2 / 3, 1.0, 2.0, 4.0)  # of the smallest circle; the thesis's is two thirds
-EULER_STEPS = (1, 2, 5, 21, 84)  # of the simulated horizon; 21 are of 0.1 s, the time step of these missions
+HORIZONS = (
+    1 / 6,
+    1 / 3,
+    2 / 3,
+    1.0,
+    2.0,
+    4.0,
+)  # of the smallest circle; the thesis's is two thirds
+EULER_STEPS = (
+    1,
+    2,
+    5,
+    21,
+    84,
+)  # of the simulated horizon; 21 are of 0.1 s, the time step of these missions
 SAME = 0.15  # relative difference of errors that is none
 MATTERS = 1.3  # ratio of the greatest to the least error from which a choice matters
-PACES = {"survey-fast": "aid vehicle 10 times as fast", "survey-slow": "aid vehicle as fast as the AUV"}
+PACES = {
+    "survey-fast": "aid vehicle 10 times as fast",
+    "survey-slow": "aid vehicle as fast as the AUV",
+}
 AGGREGATES = ("mean", "rms", "max")
 METRICS = ("condition-number", "blend", "unobservability-index", "log-det", "trace-inverse")
 WIDE = (  # the triangle ten metres wide instead of two
@@ -65,9 +81,16 @@ class EulerHorizon:
         """Sums over the steps of the displacement's powers, in the body frame, instead of their integrals."""
         dt = two_thirds_turn(self.cna) / self.steps
         heading = self.candidates[:, None] * np.arange(self.steps) * dt
-        d1, d2 = (self.cna.speed * dt * np.cumsum(f(heading), axis=1) for f in (np.cos, np.sin))  # (candidate, step)
-        sums = [dt * power.sum(axis=1) for power in (np.ones_like(d1), d1, d2, d1 * d1, d1 * d2, d2 * d2)]
-        return DisplacementMoments(*(np.stack([total, 0 * total, 0 * total]) for total in sums))  # of t^1 and t^2: AUVs at rest need none
+        d1, d2 = (
+            self.cna.speed * dt * np.cumsum(f(heading), axis=1) for f in (np.cos, np.sin)
+        )  # (candidate, step)
+        sums = [
+            dt * power.sum(axis=1)
+            for power in (np.ones_like(d1), d1, d2, d1 * d1, d1 * d2, d2 * d2)
+        ]
+        return DisplacementMoments(
+            *(np.stack([total, 0 * total, 0 * total]) for total in sums)
+        )  # of t^1 and t^2: AUVs at rest need none
 
     @property
     def candidates(self) -> np.ndarray:
@@ -78,12 +101,18 @@ class EulerHorizon:
         """The best candidate."""
         east, north = pose[0] - targets.mean[0, :], pose[1] - targets.mean[1, :]
         c, s = ca.cos(pose[2]), ca.sin(pose[2])
-        conditions = score_expression("condition-number", gramian_entries(self.moments(), (c * east + s * north, c * north - s * east)))
+        conditions = score_expression(
+            "condition-number",
+            gramian_entries(self.moments(), (c * east + s * north, c * north - s * east)),
+        )
         turn_rate, best, chosen = ca.SX(0.0), ca.SX(ca.inf), ca.SX.inf(1, conditions.shape[1])
         for k, candidate in enumerate(self.candidates):
             total = ca.sum2(conditions[k, :]) / conditions.shape[1]
             better = total < best
-            turn_rate, best = ca.if_else(better, candidate, turn_rate), ca.if_else(better, total, best)
+            turn_rate, best = (
+                ca.if_else(better, candidate, turn_rate),
+                ca.if_else(better, total, best),
+            )
             chosen = ca.if_else(better, conditions[k, :], chosen)
         status = ca.if_else(best < ca.inf, float(Status.OPTIMAL), float(Status.UNOBSERVABLE))
         return Command(turn_rate, ca.SX(self.cna.speed), best, chosen, status)
@@ -97,20 +126,38 @@ def small(name: str, *settings: str) -> Scenario:
 def compute_horizon(*, runs: int, seed: int) -> "xr.Dataset":
     """Errors by pace and horizon, and by pace and number of Euler steps."""
     numbers, turn = seeds(runs, seed), 1.5 * two_thirds_turn(small("survey-fast").cna)
-    lengths = {(name, f"{turns:.2f}"): small(name, f"planner.horizon={turns * turn}") for name in PACES for turns in HORIZONS}
-    by_length = fly_grid(lengths, ("scenario", "turns"), numbers).assign_coords(turns=list(HORIZONS))
+    lengths = {
+        (name, f"{turns:.2f}"): small(name, f"planner.horizon={turns * turn}")
+        for name in PACES
+        for turns in HORIZONS
+    }
+    by_length = fly_grid(lengths, ("scenario", "turns"), numbers).assign_coords(
+        turns=list(HORIZONS)
+    )
     steps = {(name, str(n)): small(name) for name in PACES for n in EULER_STEPS}
     cna = small("survey-fast").cna
-    by_steps = fly_grid(steps, ("scenario", "euler_steps"), numbers, lambda _, n: EulerHorizon(cna, int(n)))
-    return by_length.assign(euler_rms_error=by_steps.rms_error.assign_coords(euler_steps=list(EULER_STEPS)))
+    by_steps = fly_grid(
+        steps, ("scenario", "euler_steps"), numbers, lambda _, n: EulerHorizon(cna, int(n))
+    )
+    return by_length.assign(
+        euler_rms_error=by_steps.rms_error.assign_coords(euler_steps=list(EULER_STEPS))
+    )
 
 
 def draw_horizon(data: "xr.Dataset") -> Figure:
     """Error over the horizon's length and over its number of steps."""
     figure, axes = panels(2, width=5.0)
     for i, (name, label) in enumerate(PACES.items()):
-        draw_medians(axes[0], data.turns.values, data.rms_error.sel(scenario=name).values, colour(i), label)
-        draw_medians(axes[1], data.euler_steps.values, data.euler_rms_error.sel(scenario=name).values, colour(i), label)
+        draw_medians(
+            axes[0], data.turns.values, data.rms_error.sel(scenario=name).values, colour(i), label
+        )
+        draw_medians(
+            axes[1],
+            data.euler_steps.values,
+            data.euler_rms_error.sel(scenario=name).values,
+            colour(i),
+            label,
+        )
     axes[0].axvline(2 / 3, color="#888888", lw=1.0, ls="--")
     axes[0].set_xlabel("Horizon [smallest circles] (dashed: the thesis's)")
     axes[1].set_xlabel("Euler steps of the horizon [-]")
@@ -135,7 +182,11 @@ def found_horizon(data: "xr.Dataset") -> Finding:
     for name, label in PACES.items():
         median = data.rms_error.sel(scenario=name).median("seed").values
         euler = data.euler_rms_error.sel(scenario=name).median("seed").values
-        best, thesis, factor = int(median.argmin()), HORIZONS.index(2 / 3), median.max() / median.min()
+        best, thesis, factor = (
+            int(median.argmin()),
+            HORIZONS.index(2 / 3),
+            median.max() / median.min(),
+        )
         coarse = np.flatnonzero(np.abs(euler / euler[-1] - 1.0) > SAME)
         enough = EULER_STEPS[coarse[-1] + 1] if coarse.size else EULER_STEPS[0]
         parts.append(
@@ -152,14 +203,20 @@ def formations(*settings: str) -> dict[str, Scenario]:
     """Three formations under the Gramian method."""
     return {
         "triangle of 2 m at rest": load("fixed-formation", planner="gramian", settings=settings),
-        "triangle of 10 m at rest": load("fixed-formation", planner="gramian", settings=(*WIDE, *settings)),
+        "triangle of 10 m at rest": load(
+            "fixed-formation", planner="gramian", settings=(*WIDE, *settings)
+        ),
         "triangle of 2 m under way": load("mobile-formation", planner="gramian", settings=settings),
     }
 
 
 def compute_aggregate(*, runs: int, seed: int) -> "xr.Dataset":
     """Errors by aggregate and formation."""
-    cases = {(a, mission): one for a in AGGREGATES for mission, one in formations(f'planner.aggregate="{a}"').items()}
+    cases = {
+        (a, mission): one
+        for a in AGGREGATES
+        for mission, one in formations(f'planner.aggregate="{a}"').items()
+    }
     return fly_grid(cases, ("aggregate", "mission"), seeds(runs, seed))
 
 
@@ -199,20 +256,27 @@ def found_aggregate(data: "xr.Dataset") -> Finding:
     parts = []
     for mission in data.mission.values:
         one = data.sel(mission=mission).median("seed")
-        all_, worst = (one[name].sel(aggregate=list(AGGREGATES)).values for name in ("rms_error", "worst_auv_rms"))
+        all_, worst = (
+            one[name].sel(aggregate=list(AGGREGATES)).values
+            for name in ("rms_error", "worst_auv_rms")
+        )
         parts.append(
             f"{mission}: RMS {against(all_[1] / all_[0])} mean, maximum {against(all_[2] / all_[0])} mean "
             f"({', '.join(map(figure, all_))} m "
             f"over all, {', '.join(map(figure, worst))} m for the worst AUV)"
         )
-    return Finding(agrees=None, sentence=f"Median errors under mean, RMS and maximum. {'; '.join(parts)}.")
+    return Finding(
+        agrees=None, sentence=f"Median errors under mean, RMS and maximum. {'; '.join(parts)}."
+    )
 
 
 def against(ratio: float) -> str:
     """How one error compares with another."""
     if abs(ratio - 1.0) < SAME:
         return "as good as the"
-    return f"{ratio:.1f} times the error of the" if ratio > 1.0 else f"{1 - ratio:.0%} better than the"
+    return (
+        f"{ratio:.1f} times the error of the" if ratio > 1.0 else f"{1 - ratio:.0%} better than the"
+    )
 
 
 def compute_blend(*, runs: int, seed: int) -> "xr.Dataset":
@@ -221,7 +285,9 @@ def compute_blend(*, runs: int, seed: int) -> "xr.Dataset":
     for metric in METRICS:
         option = f'planner.metric="{metric}"'
         cases |= {(metric, label): small(name, option) for name, label in PACES.items()}
-        cases[metric, "triangle of 2 m under way"] = load("mobile-formation", planner="gramian", settings=(option,))
+        cases[metric, "triangle of 2 m under way"] = load(
+            "mobile-formation", planner="gramian", settings=(option,)
+        )
     return fly_grid(cases, ("metric", "mission"), seeds(runs, seed))
 
 
@@ -236,7 +302,10 @@ def found_blend(data: "xr.Dataset") -> Finding:
     for mission in data.mission.values:
         one = data.sel(mission=mission, metric=list(METRICS)).median("seed")
         median, away = one.rms_error.values, one.separation.values
-        each = ", ".join(f"{metric} {figure(m)} m ({figure(d)} m)" for metric, m, d in zip(METRICS, median, away, strict=True))
+        each = ", ".join(
+            f"{metric} {figure(m)} m ({figure(d)} m)"
+            for metric, m, d in zip(METRICS, median, away, strict=True)
+        )
         parts.append(
             f"{mission}: the blend is {against(median[1] / median[0])} condition number and {against(median[1] / median[2])} index; "
             f"least error "

@@ -23,7 +23,15 @@ from obsplan.vehicles import Unicycle
 if TYPE_CHECKING:
     import xarray as xr
 
-WEIGHTS = (0.0, 0.2, 1 / 3, 0.5, 0.7, 0.85, 1.0)  # share of the AUV that is hard to localize; a third is equal
+WEIGHTS = (
+    0.0,
+    0.2,
+    1 / 3,
+    0.5,
+    0.7,
+    0.85,
+    1.0,
+)  # share of the AUV that is hard to localize; a third is equal
 STRAYS = (  # the first AUV strays ten times as much as the others
     "duration=300.0",
     *(f"auv.{i}.process_noise.position={0.3 if i == 0 else 0.03}" for i in range(3)),
@@ -58,31 +66,47 @@ class CovarianceWeighted:
 
 def strayed(*settings: str) -> Scenario:
     """The wide triangle at rest, of which one AUV strays more."""
-    return load("fixed-formation", planner="path-inertia", settings=(*WIDE, *STRAYS, 'planner.knowledge="estimate"', *settings))
+    return load(
+        "fixed-formation",
+        planner="path-inertia",
+        settings=(*WIDE, *STRAYS, 'planner.knowledge="estimate"', *settings),
+    )
 
 
 def compute_weights(*, runs: int, seed: int) -> "xr.Dataset":
     """Errors by the straying AUV's share of the weight, and with weights that follow the covariances."""
     numbers, one = seeds(runs, seed), strayed()
     cases = {
-        (f"{share:.2f}",): strayed(f"auv.0.weight={share}", *(f"auv.{i}.weight={(1 - share) / 2}" for i in (1, 2))) for share in WEIGHTS
+        (f"{share:.2f}",): strayed(
+            f"auv.0.weight={share}", *(f"auv.{i}.weight={(1 - share) / 2}" for i in (1, 2))
+        )
+        for share in WEIGHTS
     }
     static = fly_grid(cases, ("share",), numbers).assign_coords(share=list(WEIGHTS))
     planner = CovarianceWeighted(one.cna, PathInertia(one.cna, gamma=1.0))
-    dynamic = fly_grid({("dynamic",): one}, ("weights",), numbers, lambda _: planner).isel(weights=0, drop=True)
-    return static.assign({f"dynamic_{name}": dynamic[name] for name in ("rms_error", "worst_auv_rms")})
+    dynamic = fly_grid({("dynamic",): one}, ("weights",), numbers, lambda _: planner).isel(
+        weights=0, drop=True
+    )
+    return static.assign(
+        {f"dynamic_{name}": dynamic[name] for name in ("rms_error", "worst_auv_rms")}
+    )
 
 
 def draw_weights(data: "xr.Dataset") -> Figure:
     """Errors over the weight's share, and of the dynamic weights."""
     figure, axes = panels(2, width=5.0)
-    for one, name, label in zip(axes, ("rms_error", "worst_auv_rms"), ("over all AUVs", "of the worst AUV"), strict=True):
+    for one, name, label in zip(
+        axes, ("rms_error", "worst_auv_rms"), ("over all AUVs", "of the worst AUV"), strict=True
+    ):
         draw_medians(one, data.share.values, data[name].values, colour(0), "fixed weights")
         first, median, third = np.quantile(data[f"dynamic_{name}"], [0.25, 0.5, 0.75])
         one.axhspan(first, third, color=colour(1), alpha=0.2, lw=0)
         one.axhline(median, color=colour(1), lw=1.2, label="weights following the covariances")
         one.axvline(1 / 3, color="#888888", lw=1.0, ls="--")
-        one.set(xlabel="Weight of the AUV that strays most (dashed: equal)", ylabel=f"RMS error {label} [m]")
+        one.set(
+            xlabel="Weight of the AUV that strays most (dashed: equal)",
+            ylabel=f"RMS error {label} [m]",
+        )
         log_ticks(one, "y")
     axes[0].legend(fontsize=8)
     return figure
@@ -111,7 +135,10 @@ def compute_curvature(*, runs: int, seed: int) -> "xr.Dataset":
     """Paths from one start under each rule, and errors by rule and mission."""
     import xarray as xr
 
-    flown = [fly(scenario("fixed-auv", "path-inertia", "duration=40.0", *options), [pose(*OUTWARD)]) for options in RULES.values()]
+    flown = [
+        fly(scenario("fixed-auv", "path-inertia", "duration=40.0", *options), [pose(*OUTWARD)])
+        for options in RULES.values()
+    ]
     cases = {
         (rule, label): load(name, planner="path-inertia", settings=(*SMALL, *options))
         for rule, options in RULES.items()
@@ -156,8 +183,16 @@ def found_curvature(data: "xr.Dataset") -> Finding:
     off = float(np.abs(data.distance.sel(rule="condition number")[0, 0] - spiral(data)).max())
     parts = []
     for mission in data.mission.values:
-        median, away = (data[name].sel(mission=mission).median("seed").values for name in ("rms_error", "separation"))
-        parts.append(f"{mission}: " + ", ".join(f"{figure(m)} m (at {figure(d)} m)" for m, d in zip(median, away, strict=True)))
+        median, away = (
+            data[name].sel(mission=mission).median("seed").values
+            for name in ("rms_error", "separation")
+        )
+        parts.append(
+            f"{mission}: "
+            + ", ".join(
+                f"{figure(m)} m (at {figure(d)} m)" for m, d in zip(median, away, strict=True)
+            )
+        )
     return Finding(
         agrees=None,
         sentence=(

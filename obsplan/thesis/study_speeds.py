@@ -32,13 +32,19 @@ SCALE, COLOURS = LogNorm(0.1, 100.0), "viridis_r"  # [m]
 def mission(survey: str, ratio: float, method: str) -> Scenario:
     """One survey at one speed under one method."""
     planner, *own = METHODS[method]
-    return load("survey-slow", planner=planner, settings=(f"auv.0.survey={SURVEYS[survey]}", f"auv.0.speed={1.0 / ratio}", *own))
+    return load(
+        "survey-slow",
+        planner=planner,
+        settings=(f"auv.0.survey={SURVEYS[survey]}", f"auv.0.speed={1.0 / ratio}", *own),
+    )
 
 
 def compute(*, runs: int, seed: int) -> "xr.Dataset":
     """Errors by method, survey and ratio."""
     cases = {(m, s, f"{r:g}"): mission(s, r, m) for m in METHODS for s in SURVEYS for r in RATIOS}
-    return fly_grid(cases, ("policy", "survey", "ratio"), seeds(runs, seed)).assign_coords(ratio=list(RATIOS))
+    return fly_grid(cases, ("policy", "survey", "ratio"), seeds(runs, seed)).assign_coords(
+        ratio=list(RATIOS)
+    )
 
 
 def draw(data: "xr.Dataset") -> Figure:
@@ -56,7 +62,15 @@ def _draw_map(axes: Axes, data: "xr.Dataset") -> None:
     median = data.rms_error.transpose("survey", "ratio", "seed").median("seed").values
     axes.imshow(median, cmap=COLOURS, norm=SCALE, aspect="auto")
     for (i, k), value in np.ndenumerate(median):
-        axes.text(k, i, figure(value), ha="center", va="center", fontsize=8, color="white" if value > DEFEATED else "black")
+        axes.text(
+            k,
+            i,
+            figure(value),
+            ha="center",
+            va="center",
+            fontsize=8,
+            color="white" if value > DEFEATED else "black",
+        )
     axes.set_xticks(range(len(RATIOS)), [f"{ratio:g}" for ratio in RATIOS])
     axes.set_yticks(range(len(SURVEYS)), list(SURVEYS))
     axes.set_xlabel("Speed, aid vehicle / AUV")

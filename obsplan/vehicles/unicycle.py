@@ -31,7 +31,9 @@ class Unicycle:
         """State after dt seconds at a constant turn rate and speed, as a CasADi expression."""
         half = 0.5 * u[0] * dt
         chord = u[1] * dt * sinc(half)
-        return ca.vertcat(x[0] + chord * ca.cos(x[2] + half), x[1] + chord * ca.sin(x[2] + half), x[2] + 2 * half)
+        return ca.vertcat(
+            x[0] + chord * ca.cos(x[2] + half), x[1] + chord * ca.sin(x[2] + half), x[2] + 2 * half
+        )
 
 
 def sinc(z: ca.SX) -> ca.SX:

@@ -24,7 +24,9 @@ growth = pytest.mark.benchmark(group="growth with steps, 21 rates")
 def check(scores, steps=21):
     """A left Riemann sum finds the best of 21 turn rates (of 201, one near it), its κ within the rule's 5 % at 21 steps."""
     rates = np.linspace(-2.0, 2.0, len(scores))
-    assert rates[np.argmin(scores)] == pytest.approx(BEST_RATE, abs=1e-9 if len(scores) == len(RATES) else 0.1)
+    assert rates[np.argmin(scores)] == pytest.approx(
+        BEST_RATE, abs=1e-9 if len(scores) == len(RATES) else 0.1
+    )
     assert np.min(scores) == pytest.approx(BEST_CONDITION, rel=0.05 if steps == 21 else 0.01)
 
 
@@ -53,7 +55,13 @@ def test_exact(benchmark):
 @decision
 def test_exact_one_rate_at_a_time(benchmark):
     gramian = compiled(21)
-    check(benchmark(lambda: [condition_number(gramian(POSE, np.full((1, 1), u), horizon=HORIZON)) for u in RATES]))
+    check(
+        benchmark(
+            lambda: [
+                condition_number(gramian(POSE, np.full((1, 1), u), horizon=HORIZON)) for u in RATES
+            ]
+        )
+    )
 
 
 @decision
@@ -96,7 +104,9 @@ def simulate(x0, rates, steps):
 
 
 def empirical_decision(simulator):
-    return condition_number(empirical_gramian(simulator, POSE, horizon=HORIZON, epsilon=EPSILON, rule="left"))
+    return condition_number(
+        empirical_gramian(simulator, POSE, horizon=HORIZON, epsilon=EPSILON, rule="left")
+    )
 
 
 @decision
@@ -113,7 +123,9 @@ def test_growth_of_empirical(benchmark, steps):
 @decision
 def test_empirical_of_a_plain_simulator_one_rate_at_a_time(benchmark):
     def decide():
-        return [empirical_decision(lambda x0, u=u: plain_outputs(x0, u, 21, last=True)) for u in RATES]
+        return [
+            empirical_decision(lambda x0, u=u: plain_outputs(x0, u, 21, last=True)) for u in RATES
+        ]
 
     check(benchmark(decide))
 
@@ -142,7 +154,14 @@ def plain_outputs(x0, u, steps, last=False):
 def plain_decision(steps):
     scores = []
     for u in RATES:
-        d = [(plain_outputs(POSE + EPSILON * e, u, steps) - plain_outputs(POSE - EPSILON * e, u, steps)) / (2 * EPSILON) for e in np.eye(3)]
+        d = [
+            (
+                plain_outputs(POSE + EPSILON * e, u, steps)
+                - plain_outputs(POSE - EPSILON * e, u, steps)
+            )
+            / (2 * EPSILON)
+            for e in np.eye(3)
+        ]
         W = np.array([[HORIZON / steps * np.sum(d[i] * d[j]) for j in range(3)] for i in range(3)])
         scores.append(np.linalg.cond(W))
     return scores
@@ -176,7 +195,9 @@ def test_pybounds_with_a_plain_simulator(benchmark):
     def decide():
         scores = []
         for u in RATES:
-            J = pybounds.EmpiricalObservabilityMatrix(PlainSimulator(), POSE, np.full((21, 1), u), eps=EPSILON).O
+            J = pybounds.EmpiricalObservabilityMatrix(
+                PlainSimulator(), POSE, np.full((21, 1), u), eps=EPSILON
+            ).O
             scores.append(np.linalg.cond(HORIZON / 21 * J.T @ J))
         return scores
 

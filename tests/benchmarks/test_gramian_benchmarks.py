@@ -25,7 +25,10 @@ def rates(count):
 def auvs_around(count):
     """The AUV of the reference decision, and more on a grid of 3 m about it."""
     side = int(np.ceil(np.sqrt(count)))
-    grid = 3.0 * np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)[:count]
+    grid = (
+        3.0
+        * np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)[:count]
+    )
     return np.ascontiguousarray(grid)
 
 
@@ -59,7 +62,11 @@ def test_closed_form_in_numpy(benchmark):
     auvs = auvs_around(1)
 
     def decide():
-        return condition_number(range_gramians(POSE[:2] - auvs, POSE[2], turn_rates=rates(21), speed=SPEED, horizon=HORIZON))[:, 0]
+        return condition_number(
+            range_gramians(
+                POSE[:2] - auvs, POSE[2], turn_rates=rates(21), speed=SPEED, horizon=HORIZON
+            )
+        )[:, 0]
 
     scores = benchmark(decide)
     assert rates(21)[np.argmin(scores)] == pytest.approx(BEST_RATE)
@@ -96,7 +103,11 @@ def test_plain_numpy_loop(benchmark):
     def decide():
         scores = []
         for u in rates(21):
-            d = [(runge_kutta_outputs(POSE + eps * e, u) - runge_kutta_outputs(POSE - eps * e, u)) / (2 * eps) for e in np.eye(3)]
+            d = [
+                (runge_kutta_outputs(POSE + eps * e, u) - runge_kutta_outputs(POSE - eps * e, u))
+                / (2 * eps)
+                for e in np.eye(3)
+            ]
             W = np.array([[STEP * np.sum(d[i] * d[j]) for j in range(3)] for i in range(3)])
             scores.append(np.linalg.cond(W))
         return scores
@@ -117,14 +128,18 @@ def pybounds_decision(simulator):
     pybounds = pytest.importorskip("pybounds")
     scores = []
     for u in rates(21):
-        J = pybounds.EmpiricalObservabilityMatrix(simulator, POSE, np.full((SAMPLES, 1), u), eps=1e-4).O
+        J = pybounds.EmpiricalObservabilityMatrix(
+            simulator, POSE, np.full((SAMPLES, 1), u), eps=1e-4
+        ).O
         scores.append(np.linalg.cond(STEP * J.T @ J))
     return scores
 
 
 @decision
 def test_pybounds_with_a_numpy_simulator(benchmark):
-    check_peer(benchmark.pedantic(pybounds_decision, args=(NumpySimulator(),), rounds=3, warmup_rounds=1))
+    check_peer(
+        benchmark.pedantic(pybounds_decision, args=(NumpySimulator(),), rounds=3, warmup_rounds=1)
+    )
 
 
 @decision
@@ -143,7 +158,9 @@ def test_pybounds_as_documented(benchmark):
 
 
 def check_against_numpy(scores, count, auvs):
-    W = range_gramians(POSE[:2] - auvs, POSE[2], turn_rates=rates(count), speed=SPEED, horizon=HORIZON)
+    W = range_gramians(
+        POSE[:2] - auvs, POSE[2], turn_rates=rates(count), speed=SPEED, horizon=HORIZON
+    )
     np.testing.assert_allclose(scores, condition_number(W).mean(axis=-1), rtol=1e-7)
 
 

@@ -26,21 +26,29 @@ decision = pytest.mark.benchmark(group="radius decision, 1 AUV")
 
 @decision
 def test_closed_form_of_floats(benchmark):
-    radius, _ = benchmark(lambda: path_inertia_radius(lateral_offset(X1, X2, HEADING), GAMMA, MIN_RADIUS))
+    radius, _ = benchmark(
+        lambda: path_inertia_radius(lateral_offset(X1, X2, HEADING), GAMMA, MIN_RADIUS)
+    )
     assert radius == pytest.approx(RADIUS, abs=EXACT)
 
 
 @decision
 def test_closed_form_of_arrays_of_one(benchmark):
     x1, x2, heading = np.array([X1]), np.array([X2]), np.array([HEADING])
-    radius, _ = benchmark(lambda: path_inertia_radius(lateral_offset(x1, x2, heading), GAMMA, MIN_RADIUS))
+    radius, _ = benchmark(
+        lambda: path_inertia_radius(lateral_offset(x1, x2, heading), GAMMA, MIN_RADIUS)
+    )
     assert radius == pytest.approx(RADIUS, abs=EXACT)
 
 
 @decision
 def test_closed_form_as_an_expression_through_its_buffer(benchmark):
     pose = ca.SX.sym("pose", 3)
-    function = ca.Function("radius", [pose], [path_inertia_radius(lateral_offset(pose[0], pose[1], pose[2]), GAMMA, MIN_RADIUS)[0]])
+    function = ca.Function(
+        "radius",
+        [pose],
+        [path_inertia_radius(lateral_offset(pose[0], pose[1], pose[2]), GAMMA, MIN_RADIUS)[0]],
+    )
     buffer, evaluate = function.buffer()
     given, result = np.array([X1, X2, HEADING]), np.zeros(1)
     buffer.set_arg(0, memoryview(given))
@@ -52,12 +60,16 @@ def test_closed_form_as_an_expression_through_its_buffer(benchmark):
 @pytest.mark.benchmark(group="a million radius decisions")
 def test_closed_form_of_a_million(benchmark):
     x1, x2, heading = np.full(10**6, X1), np.full(10**6, X2), np.full(10**6, HEADING)
-    radius, _ = benchmark.pedantic(lambda: path_inertia_radius(lateral_offset(x1, x2, heading), GAMMA, MIN_RADIUS), rounds=5)
+    radius, _ = benchmark.pedantic(
+        lambda: path_inertia_radius(lateral_offset(x1, x2, heading), GAMMA, MIN_RADIUS), rounds=5
+    )
     np.testing.assert_allclose(radius, RADIUS, atol=EXACT)
 
 
 @decision
-@pytest.mark.parametrize("solver", ["closed-form", "osqp", "clarabel", "cvxpy-osqp", "cvxpy-clarabel"])
+@pytest.mark.parametrize(
+    "solver", ["closed-form", "osqp", "clarabel", "cvxpy-osqp", "cvxpy-clarabel"]
+)
 def test_compiled_problem_certified(benchmark, solver):
     problem = PathInertiaProblem(min_radius=MIN_RADIUS, gamma=GAMMA, solver=solver)
     solution = benchmark(lambda: problem.solve(POSITION, HEADING))
@@ -70,9 +82,15 @@ def test_osqp_raw_update_and_solve(benchmark):
     """The least that OSQP itself can take, through its public interface: the program of this decision, its vectors handed over anew."""
     # deviation from the centre in units of the threshold: u ≤ t, −u − fold ≤ t, −2 ≤ u ≤ 2, u = y; the optimum is u = −1
     A = np.array([[1.0, 0.0, -1.0], [-1.0, 0.0, -1.0], [1.0, 0.0, 0.0], [1.0, -1.0, 0.0]])
-    q, lower, upper = np.array([0.0, 0.0, 1.0]), np.array([-np.inf, -np.inf, -2.0, 0.0]), np.array([0.0, 4.0, 2.0, 0.0])
+    q, lower, upper = (
+        np.array([0.0, 0.0, 1.0]),
+        np.array([-np.inf, -np.inf, -2.0, 0.0]),
+        np.array([0.0, 4.0, 2.0, 0.0]),
+    )
     solver = osqp.OSQP()
-    solver.setup(csc_matrix(np.diag([0.0, 1.0, 0.0])), q, csc_matrix(A), lower, upper, **OSQP_SETTINGS)
+    solver.setup(
+        csc_matrix(np.diag([0.0, 1.0, 0.0])), q, csc_matrix(A), lower, upper, **OSQP_SETTINGS
+    )
 
     def decide():
         solver.update(q=q, l=lower, u=upper)
@@ -92,7 +110,9 @@ def test_cvxpy_rebuilt_each_time(benchmark, solver):
         cp.Problem(cp.Minimize(cost)).solve(solver=solver)
         return float(r.value)
 
-    assert benchmark.pedantic(decide, rounds=30, warmup_rounds=2) == pytest.approx(RADIUS, abs=1e-3)  # at the solvers' own settings
+    assert benchmark.pedantic(decide, rounds=30, warmup_rounds=2) == pytest.approx(
+        RADIUS, abs=1e-3
+    )  # at the solvers' own settings
 
 
 @pytest.mark.benchmark(group="radius decision, changing from call to call")
@@ -106,4 +126,6 @@ def test_growth_with_auvs(benchmark, solver, auvs):
     benchmark(lambda: problem.solve(*next(endless)))
     for positions, heading in cases:
         offset = float(lateral_offset(positions[:, 0], positions[:, 1], heading).mean())
-        assert problem.solve(positions, heading).x[0] == pytest.approx(path_inertia_radius(offset, GAMMA, MIN_RADIUS)[0], abs=1e-5)
+        assert problem.solve(positions, heading).x[0] == pytest.approx(
+            path_inertia_radius(offset, GAMMA, MIN_RADIUS)[0], abs=1e-5
+        )

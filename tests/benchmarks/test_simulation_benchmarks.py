@@ -16,7 +16,9 @@ from obsplan.simulation import ClosedLoop
 
 SAMPLES = 3281
 mission = pytest.mark.benchmark(group="survey-slow, 3281 samples", max_time=3.0)
-beginning = pytest.mark.benchmark(group="first 300 steps of survey-slow, step already built", max_time=1.0)
+beginning = pytest.mark.benchmark(
+    group="first 300 steps of survey-slow, step already built", max_time=1.0
+)
 decision = pytest.mark.benchmark(group="one decision outside the step, 1 AUV")
 
 
@@ -53,7 +55,10 @@ def test_beginning_under_every_planner(benchmark, name):
 @pytest.mark.parametrize("name", PLANNERS)
 def test_decision(benchmark, name):
     planner = op.load("survey-slow", planner=name, settings=["duration=30.0"]).planner()
-    pose, auvs = op.Pose(1.0, 0.0, np.pi / 2), [op.Belief.at(0.0, 0.0, speed=1.0, covariance=np.eye(4))]
+    pose, auvs = (
+        op.Pose(1.0, 0.0, np.pi / 2),
+        [op.Belief.at(0.0, 0.0, speed=1.0, covariance=np.eye(4))],
+    )
     assert np.isfinite(benchmark(planner.plan, pose, auvs).turn_rate)
 
 

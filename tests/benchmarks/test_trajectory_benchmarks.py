@@ -19,7 +19,9 @@ from obsplan.constraints import Constraints, Disc
 
 STEP, DECISIONS = 0.25, 20
 CNA = op.Unicycle(speed=1.0, min_turn_radius=0.5)
-LIMITS = Constraints(keep_out=(Disc(x=2.5, y=1.0, radius=1.0),), max_separation=11.0)  # 8 m, and three standard deviations of the AUVs
+LIMITS = Constraints(
+    keep_out=(Disc(x=2.5, y=1.0, radius=1.0),), max_separation=11.0
+)  # 8 m, and three standard deviations of the AUVs
 BY = {
     "fatrop, warm": {Status.OPTIMAL, Status.RESTARTED},
     "fatrop, cold": {Status.OPTIMAL},
@@ -31,7 +33,10 @@ def fleet(count, speed):
     """AUVs within two metres of the origin."""
     places = np.random.default_rng(1).uniform(-2, 2, (count, 2))
     covariance = np.diag([1.0, 1.0, 0.01, 0.01])
-    return [op.Belief.at(*map(float, place), heading=0.3, speed=speed, covariance=covariance) for place in places]
+    return [
+        op.Belief.at(*map(float, place), heading=0.3, speed=speed, covariance=covariance)
+        for place in places
+    ]
 
 
 def planner(objective):
@@ -48,20 +53,27 @@ def flown(asked, auvs):
         met.append((pose, k * STEP, last))
         half = 0.5 * decision.turn_rate * STEP
         chord = decision.speed * STEP * float(np.sinc(half / np.pi))
-        x, y = pose.x + chord * math.cos(pose.heading + half), pose.y + chord * math.sin(pose.heading + half)
+        x, y = (
+            pose.x + chord * math.cos(pose.heading + half),
+            pose.y + chord * math.sin(pose.heading + half),
+        )
         pose = op.Pose(x, y, pose.heading + 2 * half, decision.turn_rate)
     return met[1:]
 
 
 @pytest.mark.benchmark(timer=time.process_time)
 @pytest.mark.parametrize("by", BY)
-@pytest.mark.parametrize(("objective", "count"), [("log-det", 1), ("log-det", 16), ("covariance", 1), ("covariance", 4)])
+@pytest.mark.parametrize(
+    ("objective", "count"), [("log-det", 1), ("log-det", 16), ("covariance", 1), ("covariance", 4)]
+)
 def test_decision(benchmark, monkeypatch, objective, count, by):
     benchmark.group = f"{objective}, {count} AUV{'s' * (count > 1)}"
     auvs, asked = fleet(count, speed=0.0), planner(objective)
     met = flown(asked, auvs)
     if by == "IPOPT, cold":
-        monkeypatch.setattr(ladder, "_rungs", lambda _tried, k, _best, **_: [([k], "ipopt", Status.SECOND_SOLVER)])
+        monkeypatch.setattr(
+            ladder, "_rungs", lambda _tried, k, _best, **_: [([k], "ipopt", Status.SECOND_SOLVER)]
+        )
     endless = itertools.cycle(met)
 
     def decide():
