@@ -285,9 +285,9 @@ BAD = {
     "no line": (
         "a.geojson",
         {"type": "Point", "coordinates": [1, 2]},
-        'holds no LineString .*"Point"',
+        "holds no line to follow",
     ),
-    "no features inside": ("a.geojson", collection(), "holds no LineString"),
+    "no features inside": ("a.geojson", collection(), "holds no line to follow"),
     "projected": (
         "a.geojson",
         {**line(), "crs": {"properties": {"name": "urn:ogc:def:crs:EPSG::32610"}}},

@@ -44,10 +44,6 @@ def read_geojson(path: Path | str) -> Mission:
     _check_crs(path, content)
     drafts = (Draft(name=name, points=points) for name, points in _lines(content, str(path), None))
     tracks, remarks = named_tracks(path, drafts, geographic=True)
-    if not tracks:
-        raise ObsplanError(
-            f'{path} holds no LineString (its "type" is "{content["type"]}"): draw the survey as a line'
-        )
     return Mission(tracks=tracks, geographic=True, remarks=remarks)
 
 
