@@ -9,6 +9,7 @@ from obsplan.missions.mission import Area, Mission, Track, to_local
 from obsplan.missions.plan import read_plan
 from obsplan.missions.table import read_csv
 from obsplan.missions.waypoints import write_waypoints
+from obsplan.missions.wpl import read_wpl
 from obsplan.types import ObsplanError
 
 READERS: dict[str, Callable[[Path | str], Mission]] = {
@@ -16,6 +17,8 @@ READERS: dict[str, Callable[[Path | str], Mission]] = {
     ".json": read_geojson,
     ".plan": read_plan,
     ".csv": read_csv,
+    ".waypoints": read_wpl,
+    ".txt": read_wpl,
 }
 WRITERS: dict[str, Callable[[Path | str, Mission], object]] = {
     ".geojson": write_geojson,
