@@ -104,13 +104,14 @@ def _item(path: Path, node: dict[str, Any], place: str) -> Item:
     if isinstance(coordinate, list) and all(is_blank(v) or v == 0 for v in values[4:6]):
         values[4:] = (coordinate + [None] * 3)[:3]
     number = node.get("doJumpId")
+    numbered = type(number) is int and 0 <= number <= LARGEST
     return Item(
         path=path,
         place=place,
         command=command,
         frame=node.get("frame", _GLOBAL_RELATIVE_ALT),
         values=tuple(values),
-        number=number if type(number) is int else None,
+        number=number if numbered else None,
     )
 
 
@@ -187,8 +188,9 @@ def _fences(path: Path, content: dict[str, Any]) -> Fences:
     fences = Fences()
     fence = _part(path, content, "geoFence")
     for place, node in _nodes(path, fence, "polygons"):
-        corners = _pairs(node.get("polygon"), f"{path}: {place}.polygon")
-        fences.add_polygon(corners, place, inclusion=_inclusion(node, f"{path}: {place}"))
+        where = f"{path}: {place}"
+        corners = _pairs(node.get("polygon"), f"{where}.polygon")
+        fences.add_polygon(corners, where, inclusion=_inclusion(node, where))
     for place, node in _nodes(path, fence, "circles"):
         where = f"{path}: {place}.circle"
         circle = node.get("circle")
@@ -199,8 +201,8 @@ def _fences(path: Path, content: dict[str, Any]) -> Fences:
         radius = check_number(circle.get("radius"), f"{where}.radius")
         fences.add_circle(centre, radius, where, inclusion=_inclusion(node, f"{path}: {place}"))
     if fence.get("polygon"):
-        corners = _pairs(fence["polygon"], f"{path}: geoFence.polygon")
-        fences.add_polygon(corners, "geoFence.polygon", inclusion=True)
+        where = f"{path}: geoFence.polygon"
+        fences.add_polygon(_pairs(fence["polygon"], where), where, inclusion=True)
     if fence.get("breachReturn"):
         fences.remarks.append("place to return to from behind the fence: passed over")
     return fences

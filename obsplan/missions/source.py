@@ -7,35 +7,6 @@ from typing import Any
 
 from obsplan.types import ObsplanError
 
-LARGEST_FILE = 50_000_000  # [bytes]; half a million waypoints
-
-
-def read_bytes(path: Path) -> bytes:
-    """Read a file of at most `LARGEST_FILE` bytes.
-
-    Raises
-    ------
-    ObsplanError
-        No such file (the nearest name is suggested), a folder, not readable, or too large.
-    """
-    if path.is_dir():
-        raise ObsplanError(f"{path} is a folder: give a mission file inside it")
-    try:
-        with path.open("rb") as file:
-            content = file.read(LARGEST_FILE + 1)
-    except FileNotFoundError as error:
-        raise ObsplanError(f"{path} does not exist: {_suggest(path)}") from error
-    except (OSError, ValueError) as error:  # ValueError: a null character in the name
-        raise ObsplanError(
-            f"{path} cannot be read ({getattr(error, 'strerror', None) or error}): check its name and permissions"
-        ) from error
-    if len(content) > LARGEST_FILE:
-        raise ObsplanError(
-            f"{path} is larger than {LARGEST_FILE / 1e6:.0f} MB, too large for a mission: "
-            "export the survey alone, or a part of it"
-        )
-    return content
-
 
 def read_text(path: Path) -> str:
     """Read a UTF-8 text file, with or without a byte order mark.
@@ -43,14 +14,22 @@ def read_text(path: Path) -> str:
     Raises
     ------
     ObsplanError
-        As `read_bytes`; not text, or empty.
+        No such file (the nearest name is suggested), a folder, not readable, not text, or empty.
     """
+    if path.is_dir():
+        raise ObsplanError(f"{path} is a folder: give a mission file inside it")
     try:
-        text = read_bytes(path).decode("utf-8-sig")
+        text = path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError as error:
+        raise ObsplanError(f"{path} does not exist: {_suggest(path)}") from error
     except UnicodeDecodeError as error:
         byte = f"byte 0x{error.object[error.start]:02x} at position {error.start}"
         raise ObsplanError(
             f"{path} is not UTF-8 text ({byte}): it is not what its extension says, export it again"
+        ) from error
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
+        raise ObsplanError(
+            f"{path} cannot be read ({getattr(error, 'strerror', None) or error}): check its name and permissions"
         ) from error
     if not text.strip():
         raise ObsplanError(f"{path} is empty: export the mission again")

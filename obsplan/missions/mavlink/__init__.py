@@ -24,10 +24,11 @@ from obsplan.missions.mission import FARTHEST, Area, Mission, Point, named_track
 
 __all__ = ["build_mission"]
 
-_FOLLOWED = (
+_ACCOUNTED = (  # commands that are flown, or said otherwise than as actions
     FLOWN
     | POLYGONS
     | CIRCLES
+    | PLACES
     | {
         Command.NAV_RETURN_TO_LAUNCH,
         Command.NAV_DELAY,
@@ -122,7 +123,7 @@ def _unflown(items: Sequence[Item], reached: Sequence[Item]) -> list[str]:
     places = Counter(command_name(item.command) for item in items if item.command in PLACES)
     if places:
         remarks.append(f"places that are not flown to, passed over: {counted(places)}")
-    others = (item.command for item in items if item.command not in _FOLLOWED | PLACES)
+    others = (item.command for item in items if item.command not in _ACCOUNTED)
     actions = Counter(map(command_name, others))
     if actions:
         remarks.append(f"actions on the way, passed over: {counted(actions)}")

@@ -12,7 +12,7 @@ from obsplan.missions.mission import Area, Point
 from obsplan.types import ObsplanError
 
 LARGEST_RADIUS = 100e3  # [m]
-_MOST_CORNERS = 65535  # a count of items is 16 bits wide
+_MOST_CORNERS = 65535.0  # a count of items is 16 bits wide
 
 
 @dataclass(slots=True)
@@ -24,11 +24,18 @@ class Fences:
     remarks: list[str] = field(default_factory=list)
 
     def add_polygon(self, corners: Sequence[Point], where: str, *, inclusion: bool) -> None:
-        """Take a polygon by its corners, the first repeated or not; say so if it has no area."""
+        """Take a polygon by its corners, the first repeated or not.
+
+        Raises
+        ------
+        ObsplanError
+            Fewer than three corners: what a fence was meant to be is not left out.
+        """
         open_ring = list(corners[:-1] if corners and corners[0] == corners[-1] else corners)
         if len(set(open_ring)) < 3:
-            self.remarks.append(f"{where} is a fence of fewer than three corners: passed over")
-            return
+            raise ObsplanError(
+                f"{where} is a fence of fewer than three corners: draw it again, or delete it"
+            )
         self._add(Area(points=np.array(open_ring, dtype=float)), inclusion)
 
     def add_circle(self, centre: Point, radius: float, where: str, *, inclusion: bool) -> None:
@@ -67,10 +74,10 @@ def find_fences(items: Sequence[Item]) -> Fences:
         if item.command in POLYGONS:
             ring = _ring(items, i)
             corners = [_corner(corner) for corner in ring]
-            fences.add_polygon(corners, item.place, inclusion=inclusion)
+            fences.add_polygon(corners, item.where, inclusion=inclusion)
             length = len(ring)
         elif item.command in CIRCLES:
-            radius = item.value(1, "radius", 0, LARGEST_RADIUS)
+            radius = item.value(1, "radius", 0.0, LARGEST_RADIUS)
             fences.add_circle(_corner(item), radius, item.where, inclusion=inclusion)
         i += length
     return fences
@@ -79,7 +86,7 @@ def find_fences(items: Sequence[Item]) -> Fences:
 def _ring(items: Sequence[Item], start: int) -> Sequence[Item]:
     """Corners of the polygon that starts here: as many as the first says, all that follow if none."""
     first = items[start]
-    count = int(first.value(1, "number of corners", 0, _MOST_CORNERS))
+    count = int(first.value(1, "number of corners", 0.0, _MOST_CORNERS))
     end = start + count if count else len(items)
     ring = list(takewhile(lambda item: item.command == first.command, items[start:end]))
     if len(ring) < count:

@@ -15,14 +15,13 @@ from obsplan.types import ObsplanError
 FASTEST = 50.0  # [m/s]; faster than anything that floats
 LONGEST_HOLD = 7 * 86400.0  # [s]
 LARGEST_RADIUS = 10e3  # [m], of a loiter circle
-MOST_TURNS = 1000
+MOST_TURNS = 1000.0
 MOST_CIRCLED = 10_000  # vertices that loiter circles may add to a track
 SAGITTA = 0.1  # [m]; chords leave their circle by no more than this,
 _FEWEST_CHORDS = 16  # and a turn has no fewer than these
 
-_NO_CHANGE, _DEFAULT = -1, -2  # what DO_CHANGE_SPEED may have instead of a speed
-_SPEED_TYPES = range(4)  # SPEED_TYPE: airspeed, groundspeed, climb, descent
-_HORIZONTAL = (0, 1)
+_NO_CHANGE, _DEFAULT = -1.0, -2.0  # what DO_CHANGE_SPEED may have instead of a speed
+_GROUND, _DESCENT = 1.0, 3.0  # SPEED_TYPE: 0 airspeed, 1 groundspeed, 2 climb, 3 descent
 _HOLDING = (Command.NAV_WAYPOINT, Command.NAV_LOITER_TIME, Command.NAV_SPLINE_WAYPOINT)
 _SIMPLIFIED: dict[int, str] = {
     Command.NAV_SPLINE_WAYPOINT: "splines, flown as straight lines",
@@ -110,7 +109,7 @@ class Flight:
         else:
             self._add(place, self._altitude_of(item))
         if item.command in _HOLDING:
-            self._hold[-1] += item.value(1, "time to hold", 0, LONGEST_HOLD)
+            self._hold[-1] += item.value(1, "time to hold", 0.0, LONGEST_HOLD)
 
     def _altitude_of(self, item: Item) -> float:
         """Altitude [m] of an item, that of the vertex before where it has none."""
@@ -125,7 +124,7 @@ class Flight:
 
     def _circle(self, item: Item, centre: Point) -> None:
         """Fly loiter turns: from the nearest point of the circle, clockwise if the radius is positive."""
-        turns = item.value(1, "number of turns", 0, MOST_TURNS)
+        turns = item.value(1, "number of turns", 0.0, MOST_TURNS)
         radius = item.value(3, "radius", -LARGEST_RADIUS, LARGEST_RADIUS)
         altitude = self._altitude_of(item)
         if not turns or not radius:
@@ -152,7 +151,7 @@ class Flight:
 
     def _delay(self, item: Item) -> None:
         """Stay at the vertex before for a time."""
-        seconds = item.value(1, "delay", -1, LONGEST_HOLD)
+        seconds = item.value(1, "delay", -1.0, LONGEST_HOLD)
         if seconds < 0:
             self._notes.add("delays until a time of day, passed over", item)
         elif self._hold:
@@ -163,7 +162,7 @@ class Flight:
     def _change_speed(self, item: Item) -> None:
         """Go on at another speed."""
         speed = item.value(2, "speed", _DEFAULT, math.inf)
-        if item.value(1, "type of speed", 0, _SPEED_TYPES[-1]) not in _HORIZONTAL:
+        if item.value(1, "type of speed", 0.0, _DESCENT) > _GROUND:
             self._notes.add("speeds of climb or descent, passed over", item)
         elif speed == _DEFAULT:
             self._present_speed = self._cruise

@@ -9,8 +9,8 @@ from obsplan.missions.mavlink.notes import Notes
 from obsplan.types import ObsplanError
 
 MOST_REPEATED = 10_000  # items that jumps may add
-_LARGEST = 65535  # numbers, tags and repeat counts are 16 bits wide
-_FOR_EVER = -1  # the repeat count of a jump without end
+_LARGEST = 65535.0  # numbers, tags and repeat counts are 16 bits wide
+_FOR_EVER = -1.0  # the repeat count of a jump without end
 
 
 def unroll(items: Sequence[Item], notes: Notes) -> list[Item]:
@@ -32,7 +32,7 @@ def unroll(items: Sequence[Item], notes: Notes) -> list[Item]:
     while i < len(items):
         item = items[i]
         if item.command in (Command.DO_JUMP, Command.DO_JUMP_TAG):
-            target = targets.get((item.command, item.value(1, "target", 0, _LARGEST)))
+            target = targets.get((item.command, int(item.value(1, "target", 0.0, _LARGEST))))
             repeats = item.value(2, "repeat count", _FOR_EVER, _LARGEST)
             if repeats < 0 and taken[i]:
                 notes.add("jumps that repeat for ever, flown once more and ended there", item)
@@ -55,13 +55,13 @@ def unroll(items: Sequence[Item], notes: Notes) -> list[Item]:
     return visited
 
 
-def _targets(items: Sequence[Item]) -> dict[tuple[int, float], int]:
+def _targets(items: Sequence[Item]) -> dict[tuple[int, int], int]:
     """Index of the first item under each number and each tag, by the command that jumps to it."""
-    targets: dict[tuple[int, float], int] = {}
+    targets: dict[tuple[int, int], int] = {}
     for i, item in enumerate(items):
         if item.number is not None:
             targets.setdefault((Command.DO_JUMP, item.number), i)
         if item.command == Command.JUMP_TAG:
-            tag = item.value(1, "tag", 0, _LARGEST)
+            tag = int(item.value(1, "tag", 0.0, _LARGEST))
             targets.setdefault((Command.DO_JUMP_TAG, tag), i)
     return targets
