@@ -168,6 +168,14 @@ def test_actions_are_said_once_and_counted_by_name(fly, name):
 
 
 @both_formats
+def test_long_lists_of_what_was_passed_over_are_cut_and_counted(fly, name):
+    kinds = [item(40000 + n) for n in range(15)]
+    mission = fly(name, *go(A), *(item(82, place) for place in (B, C, D, A, B)), *kinds)
+    assert said(mission, r"^splines, [^,]*: [^,]*, [^,]*, [^,]* and 2 more$")
+    assert said(mission, r"^actions .*: (1 command \d+, ){11}1 command \d+ and 3 other kinds$")
+
+
+@both_formats
 @pytest.mark.parametrize("nowhere", [(0, 0), (None, None)])
 def test_an_item_without_a_place_is_done_at_the_place_before(fly, name, nowhere):
     mission = fly(name, item(22, nowhere), *go(A, B), item(19, nowhere, 30), *go(C))
@@ -460,6 +468,13 @@ def test_two_polygons_of_one_kind_one_after_the_other_are_told_apart_by_their_co
         read_mission(path)
     fences = READERS[".waypoints"](path).keep_outs  # a file of limits alone
     np.testing.assert_array_equal([area.points for area in fences], [RING[:3], RING[1:]])
+
+
+def test_corners_that_do_not_say_how_many_they_are_are_one_polygon(save):
+    rings = [item(5001, place) for place in RING] + [item(5002, place) for place in RING[1:]]
+    mission = read_mission(save("a.waypoints", wpl(*go(A, B), *rings)))
+    np.testing.assert_array_equal(mission.geofences[0].points, RING)
+    np.testing.assert_array_equal(mission.keep_outs[0].points, RING[1:])
 
 
 def test_the_fence_of_an_early_plan_is_not_to_be_left(save):
