@@ -19,6 +19,7 @@ from obsplan.types import ObsplanError
 
 _GLOBAL_RELATIVE_ALT = 3  # MAV_FRAME, where an item has none
 _PARAMETERS = 7
+_LONGEST_NAME = 40  # letters of a pattern's name in a sentence
 _AIRCRAFT = 5.0  # [m/s]; a cruise speed from here on is not that of an AUV: QGroundControl writes
 # 15 m/s (and a hover speed of 5 m/s) into every plan
 
@@ -147,8 +148,9 @@ def _waypoint(path: Path, point: Any, place: str) -> Item:
 def _kind(node: dict[str, Any]) -> str:
     """Name of a pattern, as it may be printed."""
     kind = node.get("complexItemType")
-    short = isinstance(kind, str) and kind.isidentifier() and kind.isascii() and len(kind) <= 40
-    return kind if short else reprlib.repr(kind)
+    if isinstance(kind, str) and kind.isidentifier() and len(kind) <= _LONGEST_NAME:
+        return kind
+    return reprlib.repr(kind)
 
 
 def _without_path(patterns: Counter[str]) -> list[str]:
