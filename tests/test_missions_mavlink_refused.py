@@ -103,7 +103,7 @@ PLANS = {
     "flag in params": (plan(item(16, (True, 2))), r"\(parameter 5\), must be a number, got True"),
     "only a pattern": (
         plan({"type": "ComplexItem", "complexItemType": "StructureScan"}),
-        r"holds no line to follow \(patterns with no path .*: 1 StructureScan\)",
+        r"holds no line to follow \(patterns with no path .*: 1 StructureScan[;)]",
     ),
     "half a home": (
         plan(*go(A), mission={"plannedHomePosition": [1]}),

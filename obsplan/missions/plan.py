@@ -20,8 +20,9 @@ from obsplan.types import ObsplanError
 _GLOBAL_RELATIVE_ALT = 3  # MAV_FRAME, where an item has none
 _PARAMETERS = 7
 _LONGEST_NAME = 40  # letters of a pattern's name in a sentence
-_AIRCRAFT = 5.0  # [m/s]; a cruise speed from here on is not that of an AUV: QGroundControl writes
-# 15 m/s (and a hover speed of 5 m/s) into every plan
+# [m/s]; a cruise speed from here on is not that of an AUV: QGroundControl writes 15 m/s, and a
+# hover speed of 5 m/s, into every plan
+_AIRCRAFT = 5.0
 
 
 def read_plan(path: Path | str) -> Mission:
