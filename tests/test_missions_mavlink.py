@@ -183,20 +183,17 @@ def test_times_to_hold_and_delays_add_up_at_their_vertex(tmp_path, name):
 
 
 @both_formats
-def test_a_loiter_without_limit_ends_the_track_and_is_said(tmp_path, name):
+def test_a_loiter_without_limit_is_a_place_on_the_way_and_is_said(tmp_path, name):
     mission = fly(tmp_path, name, *go(A), item(17, B), *go(C, D))
-    np.testing.assert_array_equal(track(mission).points, [A, B])
-    assert said(mission, "loiters without limit, at which the track ends: ")
-    assert said(mission, "never come to, passed over: 2")
+    np.testing.assert_array_equal(track(mission).points, [A, B, C, D])
+    assert said(mission, "loiters without limit, passed without a stop: an operator ends them: ")
 
 
 @both_formats
-def test_a_return_to_launch_flies_home_if_there_is_one(tmp_path, name):
+def test_a_return_to_launch_is_no_part_of_the_survey_and_is_said(tmp_path, name):
     mission = fly(tmp_path, name, *go(A, B), item(20, frame=2))
-    np.testing.assert_array_equal(track(mission).points, [A, B, HOME])
-    homeless = fly(tmp_path, name, *go(A, B), item(20, frame=2), home=None)
-    np.testing.assert_array_equal(track(homeless).points, [A, B])
-    assert said(homeless, "returns to a home that the file does not give, passed over: ")
+    np.testing.assert_array_equal(track(mission).points, [A, B])
+    assert said(mission, "returns to launch, which are no part of the survey, passed over: ")
 
 
 # --- speeds ---------------------------------------------------------------------------------------

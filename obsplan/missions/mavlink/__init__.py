@@ -73,8 +73,10 @@ def build_mission(
     """
     notes = Notes()
     home, doubts = _real_home(home, items)
-    flight = Flight(home=home, cruise=cruise, notes=notes)
-    reached = flight.follow(unroll(items, notes))
+    flight = Flight(cruise=cruise, notes=notes)
+    reached = unroll(items, notes)
+    for item in reached:
+        flight.follow(item)
     tracks, joined = named_tracks(path, [flight.draft], geographic=True)
     own = find_fences(items)
     given = fences or Fences()

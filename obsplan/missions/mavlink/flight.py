@@ -27,6 +27,7 @@ _SIMPLIFIED: dict[int, str] = {
     Command.NAV_SPLINE_WAYPOINT: "splines, flown as straight lines",
     Command.NAV_ARC_WAYPOINT: "arcs, flown as straight lines",
     Command.NAV_LOITER_TO_ALT: "loiters to an altitude, flown to without circles",
+    Command.NAV_LOITER_UNLIM: "loiters without limit, passed without a stop: an operator ends them",
     Command.NAV_LOITER_TIME: "loiters for a time, held in place without circles",
 }
 
@@ -36,21 +37,18 @@ class Flight:
 
     Parameters
     ----------
-    home
-        Latitude and longitude [degrees] to return to; None if that is not known.
     cruise
         Speed [m/s] until another is commanded; nan if that is not known.
     notes
         Where to say what was not flown as the file has it.
     """
 
-    def __init__(self, *, home: Point | None, cruise: float, notes: Notes) -> None:
+    def __init__(self, *, cruise: float, notes: Notes) -> None:
         self._points: list[Point] = []
         self._altitude: list[float] = []
         self._speed: list[float] = []
         self._hold: list[float] = []
         self._datums: set[str] = set()
-        self._home = home
         self._cruise = cruise
         self._present_speed = cruise
         self._circled = 0
@@ -71,21 +69,12 @@ class Flight:
         """What the altitudes are above, in words."""
         return sorted(self._datums)
 
-    def follow(self, items: Sequence[Item]) -> Sequence[Item]:
-        """Fly items in order; give those that were come to: an item without end is the last."""
-        for i, item in enumerate(items, start=1):
-            self._follow(item)
-            if item.command == Command.NAV_LOITER_UNLIM:
-                self._notes.add("loiters without limit, at which the track ends", item)
-                return items[:i]
-        return items
-
-    def _follow(self, item: Item) -> None:
+    def follow(self, item: Item) -> None:
         """Do what one item says; items that are no part of a track do nothing."""
         if item.command in FLOWN:
             self._fly_to(item)
         elif item.command == Command.NAV_RETURN_TO_LAUNCH:
-            self._return(item)
+            self._notes.add("returns to launch, which are no part of the survey, passed over", item)
         elif item.command == Command.NAV_DELAY:
             self._delay(item)
         elif item.command == Command.DO_CHANGE_SPEED:
@@ -141,13 +130,6 @@ class Flight:
             )
         for place in _ring(centre, radius, turns, chords, self._points[-1:]):
             self._add(place, altitude)
-
-    def _return(self, item: Item) -> None:
-        """Go home, where that is known."""
-        if self._home is None:
-            self._notes.add("returns to a home that the file does not give, passed over", item)
-        else:
-            self._add(self._home, self._altitude[-1] if self._altitude else 0.0)
 
     def _delay(self, item: Item) -> None:
         """Stay at the vertex before for a time."""
