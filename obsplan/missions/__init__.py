@@ -91,9 +91,9 @@ def read_areas(path: Path | str) -> tuple[list[Area], bool]:
 
 def _is_closed(track: Track, *, geographic: bool) -> bool:
     """Whether a track ends where it starts."""
-    start, end = track.points[0], track.points[-1]
-    apart = geo.distance(start, end) if geographic else np.hypot(*(end - start))
-    return bool(apart <= REPEATED)
+    start, end = track.points[:1], track.points[-1:]
+    apart = geo.distance(start, end) if geographic else np.hypot(*(end - start).T)
+    return bool(apart.max() <= REPEATED)
 
 
 def _read(path: Path) -> Mission:
