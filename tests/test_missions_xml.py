@@ -309,7 +309,7 @@ BAD = {
     "unknown entity": ("a.kml", "<kml>&a;</kml>", r"is not valid XML \(undefined entity"),
     "deep": ("a.kml", DEEP, "nested too deeply"),
     "unknown encoding": ("a.gpx", GPX.format(route()).replace("UTF-8", "klingon"), r"not valid XML \(unknown encoding"),
-    "no latitude": ("a.gpx", GPX.format(route()).replace(' lat="63.44"', "", 1), r"route 'survey', point 1, attribute lat must be .* got ''"),
+    "no latitude": ("a.gpx", GPX.format(route()).replace(' lat="63.44"', "", 1), r"route 'survey', point 1, attribute lat must .* got ''"),
     "comma": ("a.gpx", GPX.format(route()).replace("63.44\"", "63,44\"", 1), "attribute lat must be a number, got '63,44'"),
     "nan": ("a.gpx", GPX.format(route()).replace("63.44\"", "nan\"", 1), "attribute lat must be a finite number, got nan"),
     "swapped gpx": ("a.gpx", GPX.format('<rte><rtept lat="-122" lon="47"/></rte>'), "point 1, has latitude -122.0 .*look swapped: GPX has"),

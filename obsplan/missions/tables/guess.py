@@ -23,7 +23,8 @@ def looks_like_degrees(points: Float[np.ndarray, "n 2"]) -> bool:
     if sizes.min() > 90 or sizes.max() > 360:
         return False
     width = np.ptp(points, axis=0).max()
-    return bool(width < _SMALLEST or (width < _SMALL and sizes.max() > _OFFSET * width))
+    far_off = sizes.max() > _OFFSET * width
+    return bool(0 < width < _SMALLEST or (0 < width < _SMALL and far_off))
 
 
 def guess_columns(table: Rows, found: Findings) -> dict[str, Column]:
