@@ -16,6 +16,10 @@ MOST_VERTICES = 20_000  # of one track, lanes and rounds written out
 _NEARLY_ONE = 0.99999  # MOOS-IvP rounds the number of lanes up, but for rounding errors
 _SNAP = 1e-5  # [m]; it rounds the vertices of a lawnmower to this, unless told otherwise
 _FINEST = 1e-9  # [m]
+_DRAWING = (
+    *("label", "label_color", "color", "edge_color", "edge_size", "vertex_color", "vertex_size"),
+    *("source", "type", "active", "msg", "time", "duration", "id"),
+)
 _LIST = re.compile(r"(?<!\w)pts\s*=\s*[{\"]([^}\"]*)")
 _FORMAT = re.compile(r"(?<!\w)format\s*=\s*([a-z]+)", re.IGNORECASE)
 _PREFIX = re.compile(r"^[\s\"]*([a-z]+)\s*:+", re.IGNORECASE)  # lawnmower: ..., radial:: ...
@@ -59,7 +63,7 @@ def _read_list(text: str, where: str) -> list[Vertex]:
     vertices: list[Vertex] = []
     for token in listed.split(":"):
         x, _, rest = (part.strip() for part in token.partition(","))
-        if not token.strip() or x.replace("_", "").isalpha():  # label,survey : 0,0 : 10,0
+        if not token.strip() or x.lower() in _DRAWING:  # label,survey : 0,0 : 10,0
             continue
         y, _, rest = (part.strip() for part in rest.partition(","))
         z = rest.partition(",")[0]
@@ -134,7 +138,9 @@ def _lanes(
 def _from_corner(lanes: list[list[Point]], start: list[float]) -> Iterator[Point]:
     """Ends of lanes back and forth, from the outer end that is nearest to the start."""
     corners = [(lane, end) for lane in (0, -1) for end in (0, 1)]
-    first, end = min(corners, key=lambda corner: math.dist(start, lanes[corner[0]][corner[1]]))
+    away = {corner: math.dist(start, lanes[corner[0]][corner[1]]) for corner in corners}
+    least = min(away.values()) + _SNAP  # of those equally near, the first
+    first, end = next(corner for corner in corners if away[corner] <= least)
     for i, lane in enumerate(lanes if first == 0 else reversed(lanes)):
         yield from lane if (i + end) % 2 == 0 else reversed(lane)
 
