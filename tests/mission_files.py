@@ -97,7 +97,7 @@ def damaged(content: bytes, rng) -> bytes:
     """Flip bytes, cut, swap or repeat parts, or put in what parsers trip over."""
     data = bytearray(content)
     first, second, third = sorted(rng.integers(0, len(data), size=3).tolist())
-    match rng.integers(6):
+    match rng.integers(8):
         case 0:
             for i in rng.integers(0, len(data), size=rng.integers(1, 6)):
                 data[i] = rng.integers(256)
@@ -109,18 +109,11 @@ def damaged(content: bytes, rng) -> bytes:
             data[second:second] = data[first:second]
         case 4:
             del data[first:second]
-        case _:
-            tokens = [
-                b"nan",
-                b"1e999",
-                b"-",
-                b"<",
-                b'"',
-                b"{",
-                b"}",
-                b"\x00",
-                b"99999999999",
-                b"&a;",
-            ]
+        case 5:
+            tokens = [b"nan", b"1e999", b"<", b'"', b"{", b"}", b"\x00", b"99999999999", b"&a;"]
             data[first : first + 3] = tokens[rng.integers(len(tokens))]
+        case _:  # other numbers, in a file that stays whole
+            digits = [i for i, byte in enumerate(data) if chr(byte).isdigit()]
+            for i in rng.choice(digits or [0], size=3):
+                data[i] = rng.choice(list(b"0123456789" * 3 + b".-e,"))
     return bytes(data)

@@ -190,7 +190,7 @@ def test_what_is_not_followed_as_it_stands_is_said(tmp_path):
 PATTERN = "points = format=lawnmower, x=0, y=0, height=60, width=40, lane_width=20"
 BAD = {
     "no points": ("initialize DEPLOY = false\n", "holds no line to follow: draw"),
-    "text": (behaviour("points = 0,0 : here"), "line 4, point 2, y must be a number, got ''"),
+    "text": (behaviour("points = 0,0 : here"), "line 4, point 2, x must be a number, got 'here'"),
     "letters": (behaviour("points = 0,0 : 1x,2"), "line 4, point 2, x must be a number, got '1x'"),
     "placeholder": (behaviour("points = $(POINTS)"), r"line 4 has a placeholder \('\$\(POINTS\)'\): expand the file with nsplug"),
     "far": (behaviour("points = 0,0 : 550000,1"), r"line 4, point 2, has \(550000.0, 1.0\) m, more than 100 km"),

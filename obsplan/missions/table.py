@@ -10,15 +10,13 @@ import numpy as np
 from obsplan.missions.findings import Findings, Vertex
 from obsplan.missions.mission import Mission
 from obsplan.missions.source import read_loose_text
-from obsplan.missions.tables.cells import Row, Table
+from obsplan.missions.tables.cells import PAIRS, Row, Table
 from obsplan.missions.tables.columns import find_columns
 from obsplan.missions.tables.guess import guess_columns, looks_like_degrees
 from obsplan.missions.tables.rows import read_rows
 from obsplan.missions.tables.wkt import are_degrees, is_wkt, parse_wkt, point_of, read_geometry
 from obsplan.types import ObsplanError
 
-# geographic first: where a table has both, its metres may have any origin
-_PAIRS = (("lat", "lon"), ("east", "north"))
 _VALUES = ("speed", "hold", "time")  # roles, and arguments of `Findings.line`
 
 
@@ -50,7 +48,7 @@ def read_csv(path: Path | str) -> Mission:
     table = Table(path=path, heading=rows.heading, rows=rows.rows, columns=columns)
     if "wkt" in columns and any(is_wkt(table.cell(row, "wkt")) for row in table.rows):
         _read_geometries(table, found)
-    elif any(set(pair) <= set(columns) for pair in _PAIRS):
+    elif any(set(pair) <= set(columns) for pair in PAIRS):
         _read_points(table, found)
     else:
         heading = columns["wkt"].heading
@@ -62,7 +60,7 @@ def read_csv(path: Path | str) -> Mission:
 def _is_heading(cells: Sequence[str], where: str) -> bool:
     """Whether cells name coordinates."""
     roles = find_columns(cells, where)
-    return "wkt" in roles or any(set(pair) <= set(roles) for pair in _PAIRS)
+    return "wkt" in roles or any(set(pair) <= set(roles) for pair in PAIRS)
 
 
 def _tell_unused(table: Table, found: Findings) -> None:
@@ -75,8 +73,8 @@ def _tell_unused(table: Table, found: Findings) -> None:
 
 def _read_points(table: Table, found: Findings) -> None:
     """Add the tracks of a table of points."""
-    found.geographic = "lat" in table.columns
-    pair = _PAIRS[0] if found.geographic else _PAIRS[1]
+    pair = table.pair
+    found.geographic = pair == PAIRS[0]
     grouping = _grouping(table, table.rows)
     rows: list[Row] = []
     points: list[Vertex] = []
@@ -95,7 +93,7 @@ def _read_points(table: Table, found: Findings) -> None:
 def _check_metres(table: Table, points: np.ndarray) -> None:
     """Refuse degrees in columns of metres."""
     if len(points) > 1 and looks_like_degrees(points):
-        east, north = (table.columns[role].heading for role in _PAIRS[1])
+        east, north = (table.columns[role].heading for role in PAIRS[1])
         first = f"({points[0, 0]:g}, {points[0, 1]:g})"
         raise ObsplanError(
             f"{table.path}: columns {east!r} and {north!r} look like degrees, {first} first, not metres: "

@@ -11,6 +11,8 @@ from obsplan.missions.tables.columns import Column
 from obsplan.missions.timing import seconds_of
 from obsplan.types import ObsplanError
 
+# roles of coordinates; geographic first: where a table has both, its metres may have any origin
+PAIRS = (("lat", "lon"), ("east", "north"))
 _ORDER = "exchange the headings of the two columns"
 
 Row = tuple[int, list[str]]  # the number of its line, and its cells
@@ -25,6 +27,11 @@ class Table:
     rows: list[Row]
     columns: dict[str, Column]
     used: set[str] = field(default_factory=set)
+
+    @property
+    def pair(self) -> tuple[str, str]:
+        """The roles of the coordinates that are read."""
+        return next(pair for pair in PAIRS if set(pair) <= set(self.columns))
 
     def cell(self, row: Row, role: str) -> str:
         """Cell of a row in the column with a role; empty where there is none."""
@@ -68,7 +75,7 @@ class Table:
             Not coordinates; names the line.
         """
         where = f"{self.path}: line {row[0]}"
-        if "lat" in self.columns:
+        if self.pair == PAIRS[0]:
             lat = self._degrees(row, "lat", "north or south")
             return check_latlon(lat, self._degrees(row, "lon", "east or west"), where, _ORDER)
         return check_local(self._scaled(row, "east"), self._scaled(row, "north"), where)
