@@ -1,57 +1,31 @@
 """Claims about mission files that are read."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from mission_files import LONLAT, ORIGIN, TRACK, check_one_sentence, collection, line, write
 
 from obsplan.missions import READERS, Mission, read_mission, to_local
 from obsplan.types import ObsplanError
-
-ORIGIN = (47.629, -122.337)
-TRACK = [(47.629, -122.337), (47.631, -122.337), (47.631, -122.336)]
-LONLAT = [[lon, lat] for lat, lon in TRACK]
-
-
-def line(coordinates=LONLAT, **properties):
-    """A GeoJSON feature."""
-    return {
-        "type": "Feature",
-        "properties": properties,
-        "geometry": {"type": "LineString", "coordinates": coordinates},
-    }
-
-
-def collection(*features):
-    """A GeoJSON feature collection."""
-    return {"type": "FeatureCollection", "features": list(features)}
 
 
 @pytest.fixture
 def save(tmp_path):
     """Write text, bytes or JSON under a name; give the path."""
 
-    def write(name, content):
-        path = tmp_path / name
-        if isinstance(content, bytes):
-            path.write_bytes(content)
-        else:
-            path.write_text(
-                content if isinstance(content, str) else json.dumps(content),
-                encoding="utf-8",
-                newline="",
-            )
-        return path
-
-    return write
+    return partial(write, tmp_path)
 
 
-def check_one_sentence(message):
-    """A message is one line, without a full stop inside."""
-    assert "\n" not in message
-    assert ". " not in message
+GPX = "<gpx><rte>{}</rte></gpx>".format(
+    "".join(f'<rtept lat="{lat}" lon="{lon}"/>' for lat, lon in TRACK)
+)
+KML = "<kml><Placemark><LineString><coordinates>{}</coordinates></LineString></Placemark></kml>".format(
+    " ".join(f"{lon},{lat}" for lat, lon in TRACK)
+)
 
 
 # --- what is read ---------------------------------------------------------------------------------------------------------------
@@ -65,6 +39,9 @@ def check_one_sentence(message):
         ("a.GEOJSON", collection(line())),
         ("a.geojson", {"type": "GeometryCollection", "geometries": [line()["geometry"]]}),
         ("a.geojson", collection(line([[*p, -5.0] for p in LONLAT]))),
+        ("a.gpx", GPX),
+        ("a.kml", KML),
+        ("a.KML", KML),
         ("a.csv", "lat,lon\n" + "".join(f"{lat},{lon}\n" for lat, lon in TRACK)),
         (
             "a.csv",
@@ -83,52 +60,6 @@ def test_every_format_gives_the_same_track_named_after_its_file(save, name, cont
     assert mission.origin == ORIGIN
 
 
-@pytest.mark.parametrize("heading", ["x,y", "East,North", "x_m,y_m", "east [m],north [m]"])
-def test_a_table_in_metres_is_local_and_stays_as_it_is(save, heading):
-    mission = read_mission(save("a.csv", f"{heading}\n0,0\n10.5,-20\n"))
-    assert not mission.geographic
-    assert mission.origin is None
-    np.testing.assert_array_equal(
-        to_local(mission, ORIGIN).tracks["a"].points, [[0, 0], [10.5, -20]]
-    )
-
-
-def test_a_table_tells_tracks_apart_by_name_though_their_rows_mingle(save):
-    mission = read_mission(
-        save("a.csv", 'name,x,y\nalpha,0,0\n"beta, second",5,5\nalpha,1,0\n"beta, second",6,5\n')
-    )
-    assert list(mission.tracks) == ["alpha", "beta, second"]
-    np.testing.assert_array_equal(mission.tracks["alpha"].points, [[0, 0], [1, 0]])
-    np.testing.assert_array_equal(mission.tracks["beta, second"].points, [[5, 5], [6, 5]])
-
-
-def test_geojson_lines_keep_their_names_and_other_geometries_are_passed_over(save):
-    multi = {
-        "type": "Feature",
-        "properties": {"name": "m"},
-        "geometry": {"type": "MultiLineString", "coordinates": [LONLAT, LONLAT[1:]]},
-    }
-    area = {
-        "type": "Feature",
-        "properties": None,
-        "geometry": {"type": "Polygon", "coordinates": [[*LONLAT, LONLAT[0]]]},
-    }
-    empty = {"type": "Feature", "properties": {}, "geometry": None}
-    tracks = read_mission(
-        save(
-            "a.geojson",
-            collection(area, line(name="alpha"), empty, line(name="alpha"), multi, line()),
-        )
-    ).tracks
-    assert list(tracks) == ["alpha", "alpha-2", "m", "m-2", "a"]
-    np.testing.assert_array_equal(tracks["m-2"].points, TRACK[1:])
-
-
-def test_geojson_that_says_it_is_wgs84_is_read(save):
-    crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}
-    assert read_mission(save("a.geojson", {**collection(line()), "crs": crs})).geographic
-
-
 def test_an_origin_in_another_country_is_refused(save):
     with pytest.raises(
         ObsplanError,
@@ -139,12 +70,11 @@ def test_an_origin_in_another_country_is_refused(save):
 
 # --- what is refused --------------------------------------------------------------------------------------------------------------
 
-NAN_LINE = '{"type": "LineString", "coordinates": [[-122.3, 47.6], [NaN, 47.7]]}'
 BAD = {
     "unknown suffix": (
-        "a.kml",
+        "a.shp",
         "x",
-        r'unknown suffix ".kml": mission files end in .csv, .geojson, .json, .plan, .txt, .waypoints',
+        r'unknown suffix ".shp": .*mission files end in .bhv, .csv, .geojson, .gpx, .json, .kml, .kmz, .moos, .plan, ',
     ),
     "misspelt suffix": ("a.geojsn", "x", r'did you mean ".geojson"\?'),
     "no suffix": ("a", "x", 'unknown suffix ""'),
@@ -155,116 +85,15 @@ BAD = {
         b"\x89PNG\r\n\x1a\n\x00\x01",
         r"not UTF-8 text \(byte 0x89 at position 0\): it is not what its extension says",
     ),
+    "truncated plan": (
+        "a.plan",
+        '{"fileType": "Plan", "mission": {"items": [',
+        r"not valid JSON \(line 1, column \d+: .*may be cut short",
+    ),
     "text as geojson": ("a.geojson", "lat,lon\n1,2\n", r"not valid JSON \(line 1, column 1"),
     "huge number": ("a.geojson", "1" * 5000, "is not JSON that can be read"),
     "deep nesting": ("a.json", "[" * 100_000, "nested too deeply"),
     "array": ("a.plan", "[]", "holds a JSON list where an object is expected"),
-    # GeoJSON
-    "plan as geojson": (
-        "a.json",
-        {"fileType": "Plan"},
-        r'is not GeoJSON \("type" is None\): rename it to .plan',
-    ),
-    "other json": ("a.json", {"type": "Topology"}, "is not GeoJSON .*Topology"),
-    "no features": (
-        "a.geojson",
-        {"type": "FeatureCollection"},
-        'needs a list "features", got NoneType',
-    ),
-    "feature not an object": (
-        "a.geojson",
-        collection(3),
-        r"features\[0\] must be a GeoJSON object, got int",
-    ),
-    "no line": (
-        "a.geojson",
-        {"type": "Point", "coordinates": [1, 2]},
-        "holds no line to follow",
-    ),
-    "no features inside": ("a.geojson", collection(), "holds no line to follow"),
-    "projected": (
-        "a.geojson",
-        {**line(), "crs": {"properties": {"name": "urn:ogc:def:crs:EPSG::32610"}}},
-        r"crs .*32610.* is not WGS 84",
-    ),
-    "swapped": (
-        "a.geojson",
-        line([list(p) for p in TRACK]),
-        r"coordinates\[0\] has latitude -122.337 .*look swapped: GeoJSON has \[long",
-    ),
-    "metres": (
-        "a.geojson",
-        line([[550000, 5275000], [0, 0]]),
-        "latitude 5275000.0, beyond 90 degrees: give WGS 84",
-    ),
-    "nan": ("a.geojson", NAN_LINE, r"coordinates\[1\]\[0\] must be a finite number, got nan"),
-    "infinite": (
-        "a.geojson",
-        line([[10**400, 1], [1, 2]]),
-        r"coordinates\[0\]\[0\] must be a finite number, got inf",
-    ),
-    "text number": (
-        "a.geojson",
-        collection(line([["1", 2], [3, 4]])),
-        r"features\[0\].geometry.coordinates\[0\]\[0\] must be a number, got '1'",
-    ),
-    "flag number": ("a.geojson", line([[True, 2], [3, 4]]), "must be a number, got True"),
-    "flat coordinates": (
-        "a.geojson",
-        line([1, 2]),
-        r"coordinates\[0\] must be \[longitude, latitude\], got 1",
-    ),
-    "one point": (
-        "a.geojson",
-        line(LONLAT[:1], name="q"),
-        'holds no line to follow .track "q" has a single place',
-    ),
-    "unprintable name": (
-        "a.geojson",
-        line(name="a\x00b"),
-        r"track name 'a\\x00b' cannot be printed",
-    ),
-    # CSV
-    "no heading": (
-        "a.csv",
-        "47.6,-122.3\n47.7,-122.3\n",
-        'line 1 must name the columns "lat,lon" or "x,y", got \'47.6,-122.3\'',
-    ),
-    "blank cells": ("a.csv", ",,\n,,\n", "line 1 must name the columns"),
-    "half a pair": ("a.csv", "lat,y\n1,2\n", "must name the columns"),
-    "heading only": ("a.csv", "lat,lon\n", "has a heading but no points"),
-    "short row": ("a.csv", "lat,lon\n1,2\n3\n", "line 3 has too few columns, 1 of the heading's 2"),
-    "row without its name": (
-        "a.csv",
-        "lat,lon,name\n1,2,a\n3,4\n",
-        "line 3 has too few columns, 2 of the heading's 3",
-    ),
-    "not a number": (
-        "a.csv",
-        "x,y\n1,2\n\n3,north\n",
-        "line 4, column 'y', must be a number, got 'north'",
-    ),
-    "nan in a table": (
-        "a.csv",
-        "x,y\n1,nan\n",
-        "line 2, column 'y', must be a finite number, got nan",
-    ),
-    "swapped table": (
-        "a.csv",
-        "lat,lon\n-122.3,47.6\n",
-        "line 2 has latitude -122.3 .*look swapped: exchange the headings",
-    ),
-    "utm": (
-        "a.csv",
-        "x,y\n550000,5275000\n",
-        r"line 2 has \(550000.0, 5275000.0\) m, more than 100 km .*UTM",
-    ),
-    "identical rows": ("a.csv", "x,y\n1,2\n1,2\n", "holds no line to follow"),
-    "overlong cell": (
-        "a.csv",
-        "x,y\n1," + "2" * 200_000,
-        r"line 2 is not CSV \(field larger than field limit",
-    ),
 }
 
 
@@ -279,7 +108,7 @@ def test_bad_input_is_refused_in_one_sentence_that_says_where_what_and_how_to_me
 
 
 def test_a_missing_file_a_folder_and_an_impossible_name_are_told_apart(save, tmp_path):
-    save("Survey.plan", "{}")
+    save("Survey.plan", {"fileType": "Plan"})
     with pytest.raises(ObsplanError, match=r'does not exist: did you mean "Survey.plan"\?'):
         read_mission(tmp_path / "survay.plan")
     with pytest.raises(ObsplanError, match="does not exist: check the name and the folder"):

@@ -4,8 +4,14 @@ import difflib
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
+from obsplan import geo
 from obsplan.missions.geojson import read_geojson, write_geojson
-from obsplan.missions.mission import Area, Mission, Track, to_local
+from obsplan.missions.gpx import read_gpx
+from obsplan.missions.kml import read_kml, read_kmz
+from obsplan.missions.mission import REPEATED, Area, Mission, Track, to_local
+from obsplan.missions.moos import read_moos
 from obsplan.missions.plan import read_plan
 from obsplan.missions.table import read_csv
 from obsplan.missions.waypoints import write_waypoints
@@ -13,12 +19,18 @@ from obsplan.missions.wpl import read_wpl
 from obsplan.types import ObsplanError
 
 READERS: dict[str, Callable[[Path | str], Mission]] = {
-    ".geojson": read_geojson,
-    ".json": read_geojson,
-    ".plan": read_plan,
+    ".bhv": read_moos,
     ".csv": read_csv,
-    ".waypoints": read_wpl,
+    ".geojson": read_geojson,
+    ".gpx": read_gpx,
+    ".json": read_geojson,
+    ".kml": read_kml,
+    ".kmz": read_kmz,
+    ".moos": read_moos,
+    ".plan": read_plan,
+    ".tsv": read_csv,
     ".txt": read_wpl,
+    ".waypoints": read_wpl,
 }
 WRITERS: dict[str, Callable[[Path | str, Mission], object]] = {
     ".geojson": write_geojson,
@@ -31,6 +43,7 @@ __all__ = [
     "Area",
     "Mission",
     "Track",
+    "read_areas",
     "read_mission",
     "to_local",
     "write_geojson",
@@ -44,9 +57,50 @@ def read_mission(path: Path | str) -> Mission:
     Raises
     ------
     ObsplanError
-        An unknown suffix, or a file its reader refuses; one sentence with file, place, value and remedy.
+        An unknown suffix, no line to follow, or a file its reader refuses; one sentence with file, place, value and remedy.
     """
-    path = Path(path)
+    mission = _read(Path(path))
+    if not mission.tracks:
+        why = f" ({'; '.join(mission.remarks)})" if mission.remarks else ""
+        raise ObsplanError(f"{path} holds no line to follow{why}: draw the survey as a line")
+    return mission
+
+
+def read_areas(path: Path | str) -> tuple[list[Area], bool]:
+    """Read all polygons and circles of a mission file, whatever their names; a line that ends where it starts is a polygon.
+
+    Returns
+    -------
+    The areas, and whether they are in latitude and longitude [degrees] and not in local metres.
+
+    Raises
+    ------
+    ObsplanError
+        As `read_mission`, but for no area instead of no line.
+    """
+    mission = _read(Path(path))
+    loops = [
+        Area(points=track.points[:-1])
+        for track in mission.tracks.values()
+        if len(track.points) > 3 and _is_closed(track, geographic=mission.geographic)
+    ]
+    areas = [*mission.keep_outs, *mission.geofences, *mission.areas, *loops]
+    if not areas:
+        raise ObsplanError(
+            f"{path} holds no polygon, no circle and no closed line: draw the area as a polygon"
+        )
+    return areas, mission.geographic
+
+
+def _is_closed(track: Track, *, geographic: bool) -> bool:
+    """Whether a track ends where it starts."""
+    start, end = track.points[:1], track.points[-1:]
+    apart = geo.distance(start, end) if geographic else np.hypot(*(end - start).T)
+    return bool(apart.max() <= REPEATED)
+
+
+def _read(path: Path) -> Mission:
+    """Read a mission file by its suffix, whatever it holds."""
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         near = difflib.get_close_matches(path.suffix.lower(), READERS, n=1)
@@ -55,12 +109,8 @@ def read_mission(path: Path | str) -> Mission:
             f'{path} has the unknown suffix "{path.suffix}": {hint}mission files end in {", ".join(sorted(READERS))}'
         )
     try:
-        mission = reader(path)
+        return reader(path)
     except RecursionError as error:
         raise ObsplanError(
             f"{path} is nested too deeply to be a mission: export it again"
         ) from error
-    if not mission.tracks:
-        why = f" ({mission.remarks[0]})" if mission.remarks else ""
-        raise ObsplanError(f"{path} holds no line to follow{why}: draw the survey as a line")
-    return mission

@@ -1,8 +1,9 @@
 """What a mission file holds: tracks, limits, a home, and what of the file was passed over."""
 
 import math
+import re
 import reprlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,10 @@ from obsplan.types import ObsplanError
 
 FARTHEST = 100e3  # [m]; beyond it the origin is a mistake, and a tangent plane no longer a map
 REPEATED = 1e-3  # [m]; nearer than this, two points are one place
+_LONGEST = 40  # letters of a name in a sentence
+_NUMBER = re.compile(
+    r"[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf)", re.ASCII | re.IGNORECASE
+)  # the last two are refused as not finite
 
 Point = tuple[float, float]
 
@@ -53,6 +58,7 @@ class Mission:
     home: Point | None = None  # latitude and longitude [degrees] of the planned launch
     keep_outs: tuple[Area, ...] = ()  # not to be entered
     geofences: tuple[Area, ...] = ()  # not to be left: all of them hold
+    areas: tuple[Area, ...] = ()  # that the file does not call a limit
     remarks: tuple[str, ...] = ()
 
     @property
@@ -73,7 +79,7 @@ class Mission:
 def to_local(mission: Mission, origin: Point | None = None) -> Mission:
     """Turn a mission into east and north [m] about an origin [degrees], by default `Mission.origin`.
 
-    A mission that is local stays as it is.
+    A mission that is local stays as it is. Areas that are no limit are left out.
 
     Raises
     ------
@@ -97,6 +103,7 @@ def to_local(mission: Mission, origin: Point | None = None) -> Mission:
         tracks={name: local(track) for name, track in mission.tracks.items()},
         keep_outs=tuple(local(area) for area in mission.keep_outs),
         geofences=tuple(local(area) for area in mission.geofences),
+        areas=(),
         geographic=False,
         home=None,
     )
@@ -133,6 +140,20 @@ def check_number(value: Any, where: str) -> float:
     return number
 
 
+def read_number(text: str, where: str) -> float:
+    """Read a finite decimal number, blanks around it aside.
+
+    Raises
+    ------
+    ObsplanError
+        Anything else; names the place and the text.
+    """
+    text = text.strip()
+    if not _NUMBER.fullmatch(text):  # stricter than `float`: no 1_000, no letters of other scripts
+        raise ObsplanError(f"{where} must be a number, got {text[:_LONGEST]!r}: correct it")
+    return check_number(float(text), where)
+
+
 def check_latlon(lat: float, lon: float, where: str, order: str) -> Point:
     """Return a latitude and longitude [degrees] that are on Earth; longitudes from -180 to 360 are wrapped to ±180.
 
@@ -154,6 +175,22 @@ def check_latlon(lat: float, lon: float, where: str, order: str) -> Point:
             f"{where} has longitude {lon}, beyond 360 degrees: give WGS 84 degrees from -180 to 180"
         )
     return lat, lon if abs(lon) <= 180 else lon - math.copysign(360.0, lon)
+
+
+def check_local(east: float, north: float, where: str) -> Point:
+    """Return a local point [m]; refuse one that only a map projection gives.
+
+    Raises
+    ------
+    ObsplanError
+        Farther than `FARTHEST` from the origin.
+    """
+    if max(abs(east), abs(north)) > FARTHEST:
+        remedy = "if these are UTM coordinates, give latitude and longitude instead"
+        raise ObsplanError(
+            f"{where} has ({east}, {north}) m, more than {FARTHEST / 1e3:.0f} km from the origin: {remedy}"
+        )
+    return east, north
 
 
 @dataclass(slots=True, kw_only=True)
@@ -179,7 +216,7 @@ def named_tracks(
 
     Returns
     -------
-    The tracks, and a remark for each that was passed over.
+    The tracks, and remarks on those that were passed over.
 
     Raises
     ------
@@ -187,24 +224,46 @@ def named_tracks(
         A name that cannot be printed.
     """
     named: dict[str, Track] = {}
-    remarks: list[str] = []
+    stubs: dict[str, list[str]] = {}
+    used: dict[str, int] = {}  # the last number given to each name
     for draft in drafts:
         base = (draft.name or "").strip() or path.stem
         if not base.isprintable():
             raise ObsplanError(
                 f"{path}: the track name {base!r} cannot be printed: rename the track"
             )
-        name, count = base, 1
+        name = base
         while name in named:
-            count += 1
-            name = f"{base}-{count}"
+            used[base] = used.get(base, 1) + 1
+            name = f"{base}-{used[base]}"
         track = _joined(draft, geographic)
         if track is None:
             places = "no place" if not draft.points else "a single place"
-            remarks.append(f'track "{base}" has {places}, and no line: passed over')
+            stubs.setdefault(places, []).append(base)
         else:
             named[name] = track
+    remarks = (
+        f'track "{names[0]}" has {places}, and no line: passed over'
+        if len(names) == 1
+        else f"{count_of(names, 'track')} have {places}, and no line: passed over"
+        for places, names in stubs.items()
+    )
     return named, tuple(remarks)
+
+
+def count_of(names: Sequence[str], kind: str, *, most: int = 5) -> str:
+    """Count things of a kind and give the first of their names, fit to be printed: `3 points ("a", "b" and 1 more)`."""
+    shown = [
+        '"' + "".join(c if c.isprintable() else "?" for c in name[:_LONGEST]) + '"'
+        for name in names[:most]
+        if name
+    ]
+    unnamed = len(names) - len(shown)
+    if shown and unnamed:
+        shown.append(f"{unnamed} more")
+    listed = " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
+    counted = f"{len(names)} {kind}{'' if len(names) == 1 else 's'}"
+    return f"{counted} ({listed})" if listed else counted
 
 
 def _joined(draft: Draft, geographic: bool) -> Track | None:

@@ -1,113 +1,187 @@
-"""CSV tables of points: one row a point, tracks by name."""
+"""CSV tables of points, one row a point, or of geometries in WKT."""
 
-import csv
-import io
-import re
-from collections.abc import Iterator
+import math
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
-from obsplan.missions.mission import (
-    FARTHEST,
-    Draft,
-    Mission,
-    Point,
-    check_latlon,
-    check_number,
-    named_tracks,
-)
-from obsplan.missions.source import read_text
+import numpy as np
+
+from obsplan.missions.findings import Findings, Vertex
+from obsplan.missions.mission import Mission
+from obsplan.missions.source import read_loose_text
+from obsplan.missions.tables.cells import PAIRS, Row, Table
+from obsplan.missions.tables.columns import find_columns
+from obsplan.missions.tables.guess import guess_columns, looks_like_degrees
+from obsplan.missions.tables.rows import read_rows
+from obsplan.missions.tables.wkt import are_degrees, is_wkt, parse_wkt, point_of, read_geometry
 from obsplan.types import ObsplanError
 
-# accepted headings, units and case aside; geographic ones first: where a table has both, its metres may have any origin
-_GEOGRAPHIC = (("lat", "latitude"), ("lon", "long", "lng", "longitude"))
-_LOCAL = (("x", "east"), ("y", "north"))
-_UNIT = re.compile(
-    r"[\s_\[(]+(m|metres|meters|deg|degrees|°)[\])]*$"
-)  # x_m, lat_deg, "east [m]", "lon (deg)"
-_DELIMITERS = ",;\t"
-_ORDER = "exchange the headings of the two columns"
+_VALUES = ("speed", "hold", "time")  # roles, and arguments of `Findings.line`
 
 
 def read_csv(path: Path | str) -> Mission:
-    """Read points under the headings lat, lon (degrees) or x, y or east, north (metres); a column `name` tells tracks apart.
+    """Read points under the headings lat, lon (degrees), or x, y, east, north or easting, northing (metres), or geometries in WKT.
 
-    Commas, semicolons or tabs separate columns; other columns are passed over.
+    Commas, semicolons, tabs, bars or blanks separate columns; decimals have a point or a comma;
+    degrees may have minutes, seconds and hemisphere letters, beside them or in columns of their own.
+    A column track, line, leg, route or vehicle tells tracks apart, as does one called name, unless
+    most rows have a name of their own: a waypoint's. Columns of altitude or depth, of the speed
+    towards each point, of holds and of times are read, those in other units converted. A table
+    without a heading is read where its numbers are clear.
 
     Raises
     ------
     ObsplanError
-        No such headings, a row too short, or a value that is not a coordinate; names the line.
+        No such headings, a row too short or too long, a value that is no coordinate (names the line), or degrees in columns of metres.
     """
     path = Path(path)
-    rows = _rows(path)
-    number, headings = next(rows, (1, []))
-    columns = [_UNIT.sub("", heading.strip().lower()) for heading in headings]
-    geographic, first, second = _find_columns(columns, f"{path}: line {number}")
-    named = columns.index("name") if "name" in columns else None
-    tracks: dict[str, list[Point]] = {}
-    for number, row in rows:
-        where = f"{path}: line {number}"
-        if len(row) <= max(first, second, named or 0):
-            raise ObsplanError(
-                f"{where} has too few columns, {len(row)} of the heading's {len(columns)}: complete the line"
-            )
-        a, b = (
-            _number(row[i], f"{where}, column {headings[i].strip()!r},") for i in (first, second)
-        )
-        point = check_latlon(a, b, where, _ORDER) if geographic else _check_local(a, b, where)
-        tracks.setdefault(row[named].strip() if named is not None else "", []).append(point)
-    if not tracks:
+    text, remarks = read_loose_text(path)
+    rows = read_rows(text, path, _is_heading)
+    if not rows.rows:
         raise ObsplanError(f"{path} has a heading but no points: add one line per point")
-    drafts = (Draft(name=name, points=points) for name, points in tracks.items())
-    named, remarks = named_tracks(path, drafts, geographic=geographic)
-    return Mission(tracks=named, geographic=geographic, remarks=remarks)
+    found = Findings(path=path, remarks=remarks)
+    if rows.preamble:
+        found.remarks.append(f"lines before the heading, {rows.preamble} of them, passed over")
+    where = f"{path}: line {rows.heading_line}"
+    columns = find_columns(rows.heading, where) if rows.heading else guess_columns(rows, found)
+    table = Table(path=path, heading=rows.heading, rows=rows.rows, columns=columns)
+    if "wkt" in columns and any(is_wkt(table.cell(row, "wkt")) for row in table.rows):
+        _read_geometries(table, found)
+    elif any(set(pair) <= set(columns) for pair in PAIRS):
+        _read_points(table, found)
+    else:
+        heading = columns["wkt"].heading
+        raise ObsplanError(f"{where} has a column {heading!r} without WKT: export it as WKT")
+    _tell_unused(table, found)
+    return found.mission()
 
 
-def _find_columns(columns: list[str], where: str) -> tuple[bool, int, int]:
-    """Whether the coordinates are geographic, and the indices of the two columns."""
-    for geographic, pair in ((True, _GEOGRAPHIC), (False, _LOCAL)):
-        found = [
-            next((i for i, column in enumerate(columns) if column in names), None) for names in pair
-        ]
-        if found[0] is not None and found[1] is not None:
-            return geographic, found[0], found[1]
-    raise ObsplanError(
-        f'{where} must name the columns "lat,lon" or "x,y", got {",".join(columns)[:80]!r}: add such a heading'
-    )
+def _is_heading(cells: Sequence[str], where: str) -> bool:
+    """Whether cells name coordinates."""
+    roles = find_columns(cells, where)
+    return "wkt" in roles or any(set(pair) <= set(roles) for pair in PAIRS)
 
 
-def _check_local(east: float, north: float, where: str) -> Point:
-    """Return a local point; refuse one that only a map projection gives."""
-    if max(abs(east), abs(north)) > FARTHEST:
-        remedy = "if these are UTM coordinates, give latitude and longitude instead"
+def _tell_unused(table: Table, found: Findings) -> None:
+    """Remark on the columns that are not read."""
+    used = {column.index for role, column in table.columns.items() if role in table.used}
+    for index, heading in enumerate(table.heading):
+        if index not in used and heading:
+            found.passed_over("column", "passed over", heading)
+
+
+def _read_points(table: Table, found: Findings) -> None:
+    """Add the tracks of a table of points."""
+    pair = table.pair
+    found.geographic = pair == PAIRS[0]
+    grouping = _grouping(table, table.rows)
+    rows: list[Row] = []
+    points: list[Vertex] = []
+    for row in table.rows:
+        table.check_length(row, [*pair, *grouping])
+        if not any(table.cell(row, role) for role in pair):
+            found.passed_over("row", "without coordinates passed over")
+            continue
+        rows.append(row)
+        points.append((*table.point(row), math.nan))
+    if not found.geographic and points:
+        _check_metres(table, np.array(points)[:, :2])
+    _add_tracks(table, rows, points, grouping, found)
+
+
+def _check_metres(table: Table, points: np.ndarray) -> None:
+    """Refuse degrees in columns of metres."""
+    if len(points) > 1 and looks_like_degrees(points):
+        east, north = (table.columns[role].heading for role in PAIRS[1])
+        first = f"({points[0, 0]:g}, {points[0, 1]:g})"
         raise ObsplanError(
-            f"{where} has ({east}, {north}) m, more than {FARTHEST / 1e3:.0f} km from the origin: {remedy}"
+            f"{table.path}: columns {east!r} and {north!r} look like degrees, {first} first, not metres: "
+            'head the longitudes "lon" and the latitudes "lat"'
         )
-    return east, north
 
 
-def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Numbered lines that are not blank, split into columns."""
-    text = read_text(path)
-    heading = text.lstrip().splitlines()[0]
-    reader = csv.reader(
-        io.StringIO(text, newline=""), delimiter=max(_DELIMITERS, key=heading.count)
-    )
-    try:
-        for row in reader:
-            if any(cell.strip() for cell in row):
-                yield reader.line_num, row
-    except csv.Error as error:
-        raise ObsplanError(
-            f"{path}: line {reader.line_num} is not CSV ({error}): export the table again"
-        ) from error
+def _grouping(table: Table, rows: Sequence[Row]) -> list[str]:
+    """The role of the column that tells tracks apart, if there is one.
+
+    A column called name does, if at least half of the rows share theirs with another; else the
+    names are the waypoints'.
+    """
+    if "track" in table.columns:
+        return ["track"]
+    if "name" not in table.columns:
+        return []
+    index = table.columns["name"].index
+    names = Counter(cells[index] for _, cells in rows if index < len(cells))
+    shared = sum(count for count in names.values() if count > 1)
+    return ["name"] if shared >= len(rows) / 2 else []
 
 
-def _number(cell: str, where: str) -> float:
-    """Number in a cell."""
-    try:
-        return check_number(float(cell), where)
-    except ValueError as error:
-        raise ObsplanError(
-            f"{where} must be a number, got {cell.strip()[:40]!r}: correct it"
-        ) from error
+def _add_tracks(
+    table: Table,
+    rows: Sequence[Row],
+    points: Sequence[Vertex],
+    grouping: list[str],
+    found: Findings,
+) -> None:
+    """Add a track for each value of the column that tells them apart."""
+    values = {role: _values(table, rows, role, found) for role in _VALUES}
+    heights = _heights(table, rows, found)
+    tracks: dict[str, list[int]] = {}
+    for i, row in enumerate(rows):
+        name = table.cell(row, grouping[0]) if grouping else ""
+        tracks.setdefault(name, []).append(i)
+    for name, indices in tracks.items():
+        vertices = [(*points[i][:2], heights[i] if heights else points[i][2]) for i in indices]
+        told = {
+            role: [column[i] for i in indices]
+            for role, column in values.items()
+            if column is not None
+        }
+        found.line(name or None, vertices, **told)
+
+
+def _values(table: Table, rows: Sequence[Row], role: str, found: Findings) -> list[float] | None:
+    """Values of a column, if there is one and they can be read."""
+    if role not in table.columns:
+        return None
+    values = table.times(rows) if role == "time" else table.numbers(rows, role)
+    lowest = 0.0 if role in ("speed", "hold") else -math.inf
+    if values is None or any(value < lowest for value in values):
+        heading = table.columns[role].heading
+        found.passed_over("column", "with values that cannot be read passed over", heading)
+        return None
+    return values
+
+
+def _heights(table: Table, rows: Sequence[Row], found: Findings) -> list[float] | None:
+    """Altitudes [m], the depths downwards, if there are any."""
+    if "depth" in table.columns:
+        depths = _values(table, rows, "depth", found)
+        return None if depths is None else [-depth for depth in depths]
+    return _values(table, rows, "altitude", found)
+
+
+def _read_geometries(table: Table, found: Findings) -> None:
+    """Add what the geometries of a table are; points one after the other make tracks."""
+    rows = [row for row in table.rows if table.cell(row, "wkt")]
+    for _ in range(len(table.rows) - len(rows)):
+        found.passed_over("row", "without a geometry passed over")
+    cells = [table.cell(row, "wkt") for row in rows]
+    places = [table.place(row, "wkt") for row in rows]
+    geometries = [parse_wkt(cell, place) for cell, place in zip(cells, places, strict=True)]
+    found.geographic = are_degrees(geometries, cells)
+    points: list[tuple[Row, Vertex]] = []
+    for row, geometry, place in zip(rows, geometries, places, strict=True):
+        point = point_of(geometry, place, geographic=found.geographic)
+        if point is not None:
+            points.append((row, point))
+            continue
+        name = table.cell(row, "track") or table.cell(row, "name")
+        texts = [table.cell(row, "kind"), name, table.cell(row, "description")]
+        read_geometry(geometry, name, texts, place, found)
+    if points:
+        grouping = _grouping(table, [row for row, _ in points])
+        _add_tracks(
+            table, [row for row, _ in points], [vertex for _, vertex in points], grouping, found
+        )

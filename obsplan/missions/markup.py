@@ -1,0 +1,61 @@
+"""Read XML that a stranger wrote: no document type, no entities, and bounds on depth and size."""
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from obsplan.types import ObsplanError
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+_DEEPEST = 60  # elements within each other; mission files have about ten
+_MOST = 2_000_000  # elements
+
+
+def parse_xml(content: bytes, path: Path) -> "Element":
+    """Parse XML and give its root, tags without their namespaces.
+
+    Raises
+    ------
+    ObsplanError
+        Not well-formed, too deep, too many elements, or with a document type or entities.
+    """
+    from xml.etree.ElementTree import ParseError
+
+    from defusedxml.common import DefusedXmlException
+    from defusedxml.ElementTree import iterparse
+
+    events = iterparse(io.BytesIO(content), ("start", "end"), forbid_dtd=True)
+    try:
+        _, root = next(events)
+        _strip_namespace(root)
+        depth, count = 1, 1
+        for event, element in events:
+            if event == "end":
+                depth -= 1
+                continue
+            depth, count = depth + 1, count + 1
+            if depth > _DEEPEST or count > _MOST:
+                raise ObsplanError(f"{path} is nested too deeply to be a mission: export it again")
+            _strip_namespace(element)
+    except DefusedXmlException as error:
+        raise ObsplanError(
+            f"{path} has a document type or entities, which are not read for safety: export it again without"
+        ) from error
+    except (ParseError, ValueError, LookupError) as error:  # the last two: encodings
+        raise ObsplanError(
+            f"{path} is not valid XML ({error}): it may be cut short, export it again"
+        ) from error
+    return root
+
+
+def _strip_namespace(element: "Element") -> None:
+    """Keep the name alone: many files have a wrong namespace, or none."""
+    element.tag = element.tag.rpartition("}")[2]
+
+
+def text_of(element: "Element", tag: str) -> str | None:
+    """Text of the first child with a tag, blanks joined; None if there is none."""
+    text = element.findtext(tag)
+    return " ".join(text.split()) or None if text else None
