@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from formulations.manoeuvre_search import arcs
+from obsplan.types import Points, as_points
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,12 +46,13 @@ class Polygon:
     Raises
     ------
     ValueError
-        Fewer than three corners, or a line that crosses itself.
+        Fewer than three corners, one that is not two numbers, or a line that crosses itself.
     """
 
-    points: tuple[tuple[float, float], ...]
+    points: Points  # n x 2; kept as tuples
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "points", as_points(self.points))
         if len(self.points) < 3:
             raise ValueError(f"a polygon needs at least three corners, got {len(self.points)}")
         if not (np.isfinite(self.points).all() and self._shape.is_valid and self._shape.area > 0):
