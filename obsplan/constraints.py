@@ -52,12 +52,13 @@ class Polygon:
     points: Points  # n x 2; kept as tuples
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "points", as_points(self.points))
-        if len(self.points) < 3:
-            raise ValueError(f"a polygon needs at least three corners, got {len(self.points)}")
-        if not (np.isfinite(self.points).all() and self._shape.is_valid and self._shape.area > 0):
+        points = as_points(self.points)
+        object.__setattr__(self, "points", points)
+        if len(points) < 3:
+            raise ValueError(f"a polygon needs at least three corners, got {len(points)}")
+        if not (np.isfinite(points).all() and self._shape.is_valid and self._shape.area > 0):
             raise ValueError(
-                f"the line of a polygon must be finite, enclose an area and not cross itself, got {list(self.points)}"
+                f"the line of a polygon must be finite, enclose an area and not cross itself, got {list(points)}"
             )
 
     @cached_property
