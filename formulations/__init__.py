@@ -1,10 +1,11 @@
 """The mathematics of range-only observability: arrays and CasADi expressions in, solutions out.
 
-Names below load on first use, so that importing the package costs nothing.
+Names below load on first use, so that importing the package costs nothing. They are listed twice: for Python, and for editors and type
+checkers, which do not run it.
 """
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 _HOME = {
     "ExactGramian": "gramian",
@@ -58,15 +59,66 @@ _HOME = {
     "validate_circle": "ltv",
 }
 
-__all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
+if TYPE_CHECKING:
+    from formulations.gramian import ExactGramian as ExactGramian
+    from formulations.gramian import empirical_gramian as empirical_gramian
+    from formulations.gramian import exact_gramian as exact_gramian
+    from formulations.gramian import quadrature_weights as quadrature_weights
+    from formulations.information import InformationBound as InformationBound
+    from formulations.information import information_bound as information_bound
+    from formulations.information import path_information as path_information
+    from formulations.information import position_rms as position_rms
+    from formulations.information import posterior_cramer_rao as posterior_cramer_rao
+    from formulations.information import range_information as range_information
+    from formulations.information import squared_range_information as squared_range_information
+    from formulations.ltv import CircleVerdict as CircleVerdict
+    from formulations.ltv import circle_gramian as circle_gramian
+    from formulations.ltv import fixed_auv_rate as fixed_auv_rate
+    from formulations.ltv import fixed_cna_rate as fixed_cna_rate
+    from formulations.ltv import ltv_gramian as ltv_gramian
+    from formulations.ltv import output_map as output_map
+    from formulations.ltv import recover_initial_state as recover_initial_state
+    from formulations.ltv import transition_matrix as transition_matrix
+    from formulations.ltv import unobservable_subspace as unobservable_subspace
+    from formulations.ltv import validate_circle as validate_circle
+    from formulations.metric_expressions import (
+        position_schur_expression as position_schur_expression,
+    )
+    from formulations.metric_expressions import score_expression as score_expression
+    from formulations.metrics import METRICS as METRICS
+    from formulations.metrics import blend as blend
+    from formulations.metrics import condition_number as condition_number
+    from formulations.metrics import log_det as log_det
+    from formulations.metrics import position_schur_complement as position_schur_complement
+    from formulations.metrics import score as score
+    from formulations.metrics import smallest_eigenvalue as smallest_eigenvalue
+    from formulations.metrics import trace_inverse as trace_inverse
+    from formulations.metrics import unobservability_index as unobservability_index
+    from formulations.metrics import unobservable_direction as unobservable_direction
+    from formulations.path_inertia import PathInertiaProblem as PathInertiaProblem
+    from formulations.path_inertia import circle_center as circle_center
+    from formulations.path_inertia import curvature_condition_number as curvature_condition_number
+    from formulations.path_inertia import inertia_condition_number as inertia_condition_number
+    from formulations.path_inertia import lateral_offset as lateral_offset
+    from formulations.path_inertia import longitudinal_offset as longitudinal_offset
+    from formulations.path_inertia import path_inertia_curvature as path_inertia_curvature
+    from formulations.path_inertia import path_inertia_radius as path_inertia_radius
+    from formulations.path_inertia import radius_threshold as radius_threshold
+    from formulations.range_gramian import displacement_moments as displacement_moments
+    from formulations.range_gramian import gramian_entries as gramian_entries
+    from formulations.range_gramian import range_gramian_function as range_gramian_function
+    from formulations.range_gramian import range_gramians as range_gramians
+    from formulations.range_gramian import range_score_expression as range_score_expression
+    from formulations.solution import Solution as Solution
+    from formulations.solution import Status as Status
+else:  # hidden from type checkers, which would take any misspelt name for one that loads
+    __all__ = sorted(_HOME)
 
+    def __getattr__(name: str) -> Any:
+        """Load a public name from the module that defines it."""
+        if name not in _HOME:
+            raise AttributeError(f"module 'formulations' has no public name {name!r}")
+        return getattr(import_module(f"formulations.{_HOME[name]}"), name)
 
-def __getattr__(name: str) -> Any:
-    """Load a public name from the module that defines it."""
-    if name not in _HOME:
-        raise AttributeError(f"module 'formulations' has no public name {name!r}")
-    return getattr(import_module(f"formulations.{_HOME[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return [*__all__]
+    def __dir__() -> list[str]:
+        return [*__all__]

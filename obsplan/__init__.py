@@ -1,42 +1,96 @@
 """Plan the path of an aid vehicle so that AUVs measuring only acoustic range to it can localize themselves.
 
-Names below load on first use, so that importing the package costs nothing.
+Names below load on first use, so that importing the package costs nothing. They are listed twice: for Python, and for editors and type
+checkers, which do not run it.
 """
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
 _HOME = {
     "Belief": "types",
+    "CentroidOrbit": "planners.centroid_orbit",
     "Circle": "planners.circle",
+    "ClosedLoop": "simulation",
+    "Constraints": "constraints",
     "Decision": "types",
+    "Disc": "constraints",
+    "ErrorEllipse": "planners.error_ellipse",
+    "Filed": "planners.filed",
+    "Formation": "surveys",
     "GramianHorizon": "planners.gramian",
     "InformationHorizon": "planners.information",
+    "Lawnmower": "surveys",
     "ObsplanError": "types",
     "PathInertia": "planners.path_inertia",
+    "Planner": "planners.protocol",
+    "Polygon": "constraints",
     "Pose": "types",
+    "RandomTurns": "planners.random_turns",
+    "Reference": "surveys",
     "Run": "run",
     "Scenario": "scenario",
+    "Static": "surveys",
     "Stationary": "planners.stationary",
     "Status": "types",
+    "Trail": "planners.trail",
     "Trajectory": "planners.trajectory",
     "Unicycle": "vehicles",
+    "Waypoints": "surveys",
+    "WholeMission": "planners.whole_mission",
+    "from_dict": "scenario",
     "load": "scenario",
     "load_campaign": "campaign",
     "simulate": "simulation",
+    "write_run": "report.files",
 }
 
-__all__ = ["__version__", *_HOME]  # pyright: ignore[reportUnsupportedDunderAll]
+if TYPE_CHECKING:
+    from obsplan.campaign import load_campaign as load_campaign
+    from obsplan.constraints import Constraints as Constraints
+    from obsplan.constraints import Disc as Disc
+    from obsplan.constraints import Polygon as Polygon
+    from obsplan.planners.centroid_orbit import CentroidOrbit as CentroidOrbit
+    from obsplan.planners.circle import Circle as Circle
+    from obsplan.planners.error_ellipse import ErrorEllipse as ErrorEllipse
+    from obsplan.planners.filed import Filed as Filed
+    from obsplan.planners.gramian import GramianHorizon as GramianHorizon
+    from obsplan.planners.information import InformationHorizon as InformationHorizon
+    from obsplan.planners.path_inertia import PathInertia as PathInertia
+    from obsplan.planners.protocol import Planner as Planner
+    from obsplan.planners.random_turns import RandomTurns as RandomTurns
+    from obsplan.planners.stationary import Stationary as Stationary
+    from obsplan.planners.trail import Trail as Trail
+    from obsplan.planners.trajectory import Trajectory as Trajectory
+    from obsplan.planners.whole_mission import WholeMission as WholeMission
+    from obsplan.report.files import write_run as write_run
+    from obsplan.run import Run as Run
+    from obsplan.scenario import Scenario as Scenario
+    from obsplan.scenario import from_dict as from_dict
+    from obsplan.scenario import load as load
+    from obsplan.simulation import ClosedLoop as ClosedLoop
+    from obsplan.simulation import simulate as simulate
+    from obsplan.surveys import Formation as Formation
+    from obsplan.surveys import Lawnmower as Lawnmower
+    from obsplan.surveys import Reference as Reference
+    from obsplan.surveys import Static as Static
+    from obsplan.surveys import Waypoints as Waypoints
+    from obsplan.types import Belief as Belief
+    from obsplan.types import Decision as Decision
+    from obsplan.types import ObsplanError as ObsplanError
+    from obsplan.types import Pose as Pose
+    from obsplan.types import Status as Status
+    from obsplan.vehicles import Unicycle as Unicycle
+else:  # hidden from type checkers, which would take any misspelt name for one that loads
+    __all__ = ["__version__", *_HOME]
 
+    def __getattr__(name: str) -> Any:
+        """Load a public name from the module that defines it."""
+        if name not in _HOME:
+            raise AttributeError(f"module 'obsplan' has no public name {name!r}")
+        return getattr(import_module(f"obsplan.{_HOME[name]}"), name)
 
-def __getattr__(name: str) -> Any:
-    """Load a public name from the module that defines it."""
-    if name not in _HOME:
-        raise AttributeError(f"module 'obsplan' has no public name {name!r}")
-    return getattr(import_module(f"obsplan.{_HOME[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return [*__all__]
+    def __dir__() -> list[str]:
+        return [*__all__]

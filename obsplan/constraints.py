@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from formulations.manoeuvre_search import arcs
+from obsplan.types import Points, as_points
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,17 +46,19 @@ class Polygon:
     Raises
     ------
     ValueError
-        Fewer than three corners, or a line that crosses itself.
+        Fewer than three corners, one that is not two numbers, or a line that crosses itself.
     """
 
-    points: tuple[tuple[float, float], ...]
+    points: Points  # n x 2; kept as tuples
 
     def __post_init__(self) -> None:
-        if len(self.points) < 3:
-            raise ValueError(f"a polygon needs at least three corners, got {len(self.points)}")
-        if not (np.isfinite(self.points).all() and self._shape.is_valid and self._shape.area > 0):
+        points = as_points(self.points)
+        object.__setattr__(self, "points", points)
+        if len(points) < 3:
+            raise ValueError(f"a polygon needs at least three corners, got {len(points)}")
+        if not (np.isfinite(points).all() and self._shape.is_valid and self._shape.area > 0):
             raise ValueError(
-                f"the line of a polygon must be finite, enclose an area and not cross itself, got {list(self.points)}"
+                f"the line of a polygon must be finite, enclose an area and not cross itself, got {list(points)}"
             )
 
     @cached_property

@@ -23,6 +23,7 @@ from obsplan.scenario import Scenario
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +58,24 @@ class Run:
     score: Float[np.ndarray, " samples"]  # the planner's own objective
     status: Float[np.ndarray, " samples"]  # code of a Status; nan without a decision
     timing: Timing = field(repr=False)
+
+    def __repr__(self) -> str:
+        auvs = len(self.truth)
+        parts = [
+            f"planner {self.planner}",
+            f"seed {self.seed}",
+            f"{auvs} AUV{'s' * (auvs != 1)}",
+            f"{self.time[-1]:g} s",
+            f"RMS error {self.rms_error:.2f} m",
+            f"worst {self.max_error:.2f} m",
+        ]
+        return f"<Run of {self.scenario.table.name}: {', '.join(parts)}>"
+
+    def _repr_html_(self) -> str:
+        """Each AUV's figures of merit as a table, for notebooks."""
+        from obsplan.report import run_html
+
+        return run_html(self)
 
     @property
     def names(self) -> list[str]:
@@ -217,6 +236,17 @@ class Run:
             ),
         }
         return {key: float(value) if np.isfinite(value) else None for key, value in figures.items()}
+
+    def plot(self) -> "Figure":
+        """Draw the map: surveys, true tracks, estimates with 95 % ellipses, the aid vehicle's path; east and north [m].
+
+        The figure belongs to no window: a script saves it, ``run.plot().savefig("map.png")``; a notebook shows it after
+        ``%matplotlib inline``.
+        """
+        from obsplan.report import map_figure, styled
+
+        with styled():
+            return map_figure(self)
 
     def to_dataset(self) -> "xr.Dataset":
         """The recording with names, units and, by the scenario's origin, latitudes and longitudes; CF trajectories, one per AUV."""

@@ -1,12 +1,18 @@
 """What passes between the simulator and a planner: Pose, Belief, Decision; and the one error that users see."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import reprlib
+from collections.abc import Callable, Sequence
+from dataclasses import InitVar, dataclass, field
 
 import numpy as np
 from jaxtyping import Float
 
 from formulations.solution import Status
+
+Point = Sequence[float] | np.ndarray  # east and north [m], as they may be given; kept as a tuple
+Points = Sequence[Point] | np.ndarray  # n x 2; kept as tuples
+
+ROUNDING = 1e-8  # of a covariance, relative: the square root of what a double resolves
 
 
 class ObsplanError(Exception):
@@ -31,6 +37,15 @@ class Belief:
     and predicted since, wherever the mean comes from; ``process_noise`` the standard deviations per square root of a second of position
     [m], heading [rad] and speed [m/s]; ``drift`` the current [m/s] it is carried by; ``course`` its planned positions as a function of time
     from now [s], where they are known.
+
+    ``checked=False`` keeps the arrays themselves, whatever they hold. The simulator asks for it: a filter that has failed is for the
+    planner to answer, with a status.
+
+    Raises
+    ------
+    ValueError
+        A negative weight, a mean that is not 4 numbers, or a covariance that is not 4 x 4, symmetric and positive semidefinite within
+        rounding. One that is not finite is accepted, and planners answer it with a status.
     """
 
     mean: Float[np.ndarray, "4"]
@@ -39,10 +54,14 @@ class Belief:
     weight: float = 1.0
     drift: tuple[float, float] = (0.0, 0.0)
     course: Callable[[np.ndarray], np.ndarray] | None = None
+    checked: InitVar[bool] = True
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, checked: bool) -> None:
         if not self.weight >= 0:
             raise ValueError(f"weight of an AUV must be at least 0, got {self.weight}")
+        if checked:
+            object.__setattr__(self, "mean", _checked_mean(self.mean))
+            object.__setattr__(self, "covariance", _checked_covariance(self.covariance))
 
     @classmethod
     def at(
@@ -56,12 +75,9 @@ class Belief:
         weight: float = 1.0,
     ) -> "Belief":
         """Believe in a position [m], heading [rad] and speed [m/s]; the covariance is zero unless given (4 x 4)."""
-        mean = np.array([x, y, heading, speed], dtype=float)
         return cls(
-            mean=mean,
-            covariance=np.zeros((4, 4))
-            if covariance is None
-            else np.asarray(covariance, dtype=float),
+            mean=np.array([x, y, heading, speed], dtype=float),
+            covariance=np.zeros((4, 4)) if covariance is None else covariance,
             weight=weight,
         )
 
@@ -93,3 +109,97 @@ class Decision:
     def radius(self) -> float:
         """Turning radius [m], positive to the left; inf when straight or stopped."""
         return self.speed / self.turn_rate if self.turn_rate and self.speed else float("inf")
+
+
+def as_point(point: Point) -> tuple[float, float]:
+    """A point (east, north [m]) as a tuple.
+
+    Raises
+    ------
+    ValueError
+        Anything but two numbers.
+    """
+    pair = _floats(point)
+    if pair is None or pair.shape != (2,):
+        raise ValueError(f"a point must be two numbers, east and north [m], got {_short(point)}")
+    east, north = pair.tolist()
+    return east, north
+
+
+def as_points(points: Points) -> tuple[tuple[float, float], ...]:
+    """Points (east, north [m]) as tuples, from tuples, lists or an array (n x 2).
+
+    Raises
+    ------
+    ValueError
+        Anything but pairs of numbers.
+    """
+    pairs = _floats(points)
+    if pairs is None or (pairs.size and pairs.shape[1:] != (2,)):
+        raise ValueError(
+            f"points must be pairs of numbers, east and north [m], got {_short(points)}"
+        )
+    return tuple((east, north) for east, north in pairs.tolist())
+
+
+def _checked_mean(mean: np.ndarray) -> Float[np.ndarray, "4"]:
+    """A copy of a mean."""
+    x = _floats(mean)
+    if x is None or x.shape != (4,):
+        raise ValueError(
+            "mean of an AUV must be 4 numbers, east [m], north [m], heading [rad] and speed [m/s], "
+            f"got {_short(mean)}"
+        )
+    return x
+
+
+def _checked_covariance(covariance: np.ndarray) -> Float[np.ndarray, "4 4"]:
+    """A copy of a covariance."""
+    P = _floats(covariance)
+    if P is None or P.shape != (4, 4):
+        raise ValueError(
+            "covariance of an AUV must be 4 x 4, of east [m], north [m], heading [rad] and speed [m/s], "
+            f"got {_short(covariance)}"
+        )
+    if not P.any() or _definite(P) or not np.isfinite(P).all():
+        return P
+    # in units of the standard deviations, so that metres do not hide radians
+    variance = np.maximum(np.abs(np.diagonal(P)), np.finfo(float).eps * np.abs(P).max())
+    sigma = np.sqrt(variance)
+    correlation = P / sigma[:, None] / sigma
+    lopsided = np.abs(correlation - correlation.T)
+    if lopsided.max() > ROUNDING:
+        i, j = np.unravel_index(lopsided.argmax(), P.shape)
+        raise ValueError(
+            f"covariance of an AUV must be symmetric, got {P[i, j]:g} at [{i}, {j}] and {P[j, i]:g} at [{j}, {i}]"
+        )
+    if np.linalg.eigvalsh(correlation)[0] < -ROUNDING:
+        raise ValueError(
+            "covariance of an AUV must be positive semidefinite, that is, give no direction a negative variance, "
+            f"got {_short(P)}"
+        )
+    return P
+
+
+def _definite(P: Float[np.ndarray, "4 4"]) -> bool:
+    """Whether a matrix is symmetric and positive definite without a doubt: the usual case, told in a fifth of the time."""
+    if not (P == P.T).all():
+        return False
+    try:
+        np.linalg.cholesky(P)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def _floats(values: object) -> np.ndarray | None:
+    """A copy as an array of floats; None where it cannot be one."""
+    try:
+        return np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        return None
+
+
+def _short(values: object) -> str:
+    """What was given, on one line and not too long."""
+    return reprlib.repr(values.tolist() if isinstance(values, np.ndarray) else values)

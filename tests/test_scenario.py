@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from obsplan.scenario import from_dict, load, replanned, shipped
+from obsplan.scenario import from_dict, load, shipped
 from obsplan.scenario.files import read
 from obsplan.scenario.schema import json_schema, sections
 from obsplan.types import ObsplanError
@@ -125,7 +125,7 @@ def test_planner_is_replaced_at_the_same_interval_and_knowledge():
         "truth",
     )
     assert other.planner().gamma == 0.25
-    assert replanned(original, "path-inertia").table.planner.gamma == 1.0
+    assert original.replace(planner="path-inertia").table.planner.gamma == 1.0
 
 
 def test_settings_reach_into_lists_and_keep_their_types():

@@ -9,7 +9,7 @@ import numpy as np
 
 from formulations.solution import Status
 from obsplan.planners.protocol import Command, Targets, evaluate
-from obsplan.types import Belief, Decision, Pose
+from obsplan.types import Belief, Decision, Point, Pose, as_point
 from obsplan.vehicles import Unicycle
 
 
@@ -22,7 +22,7 @@ class Circle:
     cna: Unicycle
     _: KW_ONLY
     center: Annotated[
-        tuple[float, float],
+        Point,
         "centre, east and north [m]; default: of the circle just enclosing the survey",
     ]
     radius: Annotated[float, "radius [m]; default: of the circle just enclosing the survey"]
@@ -31,6 +31,7 @@ class Circle:
     ] = True
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "center", as_point(self.center))
         if not np.isfinite(self.center).all():
             raise ValueError(f"center of the circle must be finite [m], got {self.center}")
         if not self.cna.min_turn_radius <= self.radius < np.inf:

@@ -1,5 +1,6 @@
-"""Figures of merit of a run as a table for the terminal."""
+"""Figures of merit of a run as a table, for the terminal and for notebooks."""
 
+from html import escape
 from typing import Any
 
 from rich.table import Table
@@ -24,7 +25,7 @@ def run_table(run: Run) -> Table:
     """Tabulate each AUV's figures of merit, and those of all."""
     summary = run.summary()
     table = Table(
-        title=Text(f"{summary['scenario']}, {summary['planner']}, seed {summary['seed']}"),
+        title=Text(title(summary)),
         title_justify="left",
         caption=CAPTION,
         caption_justify="left",
@@ -39,6 +40,31 @@ def run_table(run: Run) -> Table:
         table.add_section()
         table.add_row("all", *(cell(summary["all"][key], COLUMNS[key][1]) for key in columns))
     return table
+
+
+def run_html(run: Run) -> str:
+    """Tabulate the same in HTML, without the certified bound, which takes a second or two per AUV."""
+    summary = run.summary(bounds=False)
+    columns = [key for key in COLUMNS if key in summary["all"]]
+    rows = dict(summary["auv"])
+    if len(rows) > 1:
+        rows["all"] = summary["all"]
+    head = "".join(f"<th>{escape(COLUMNS[key][0])}</th>" for key in columns)
+    lines = [
+        "<table>",
+        f"<caption>{escape(title(summary))}</caption>",
+        f"<thead><tr><th>AUV</th>{head}</tr></thead>",
+        "<tbody>",
+    ]
+    for name, figures in rows.items():
+        cells = "".join(f"<td>{cell(figures[key], COLUMNS[key][1])}</td>" for key in columns)
+        lines.append(f"<tr><th>{escape(name)}</th>{cells}</tr>")
+    return "\n".join([*lines, "</tbody>", "</table>"])
+
+
+def title(summary: dict[str, Any]) -> str:
+    """What was flown."""
+    return f"{summary['scenario']}, {summary['planner']}, seed {summary['seed']}"
 
 
 def cell(value: Any, decimals: int) -> str:

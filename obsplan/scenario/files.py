@@ -1,11 +1,14 @@
 """Scenario files in and out; the only reader of user configuration."""
 
+import re
+import reprlib
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from obsplan.planners import PLANNERS
@@ -15,6 +18,7 @@ from obsplan.scenario.tables import ScenarioTable
 from obsplan.types import ObsplanError
 
 SHIPPED = Path(str(files("obsplan") / "scenarios"))
+NESTED = "__"  # in the name of an argument, for the dot of a key
 
 
 def shipped() -> list[str]:
@@ -53,7 +57,7 @@ def load(name: str | Path, *, planner: str | None = None, settings: Sequence[str
 
 
 def from_dict(data: dict[str, Any], *, source: str = "scenario", folder: Path = Path()) -> Scenario:
-    """Check the contents of a scenario file; relative paths in it start at ``folder``.
+    """Check the contents of a scenario file, arrays for lists welcome; relative paths in it start at ``folder``.
 
     Raises
     ------
@@ -69,16 +73,27 @@ def from_dict(data: dict[str, Any], *, source: str = "scenario", folder: Path = 
     return scenario
 
 
-def replanned(scenario: Scenario, planner: str) -> Scenario:
-    """The same scenario under another planner, at the same interval and knowledge.
-
-    Raises
-    ------
-    ObsplanError
-        No planner has that name.
-    """
+def changed(scenario: Scenario, changes: dict[str, Any]) -> Scenario:
+    """The scenario with other values for some keys; see `Scenario.replace`."""
     data = scenario.table.model_dump(exclude_unset=True, exclude_none=True)
-    return from_dict(with_planner(data, planner), source=scenario.source, folder=scenario.folder)
+    keys = dict(changes)
+    if isinstance(keys.get("planner"), str):
+        data = with_planner(data, keys.pop("planner"))
+    for key, value in keys.items():
+        setting = f"{key} = {reprlib.repr(value)}"
+        data = replaced(data, key.split(NESTED), value, setting)
+    try:
+        return from_dict(data, source=scenario.source, folder=scenario.folder)
+    except ObsplanError as error:
+        raise ObsplanError(as_given(str(error), keys)) from None
+
+
+def as_given(message: str, keys: Iterable[str]) -> str:
+    """A message with the keys spelt as the caller gave them: ``cna__speed`` for ``cna.speed``."""
+    for key in sorted(keys, key=len, reverse=True):
+        dotted = re.escape(key.replace(NESTED, "."))
+        message = re.sub(rf"(?<![\w.]){dotted}(?!\w)", key, message)
+    return message
 
 
 def find(name: str | Path) -> Path:
@@ -116,7 +131,9 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def tuples(data: Any) -> Any:
-    """The same data with its lists as tuples, which is how the tables hold them."""
+    """The same data with its lists and arrays as tuples, which is how the tables hold them."""
+    if isinstance(data, np.ndarray | np.generic):
+        return tuples(data.tolist())
     if isinstance(data, dict):
         return {key: tuples(value) for key, value in data.items()}
     return tuple(tuples(value) for value in data) if isinstance(data, list | tuple) else data
@@ -145,18 +162,18 @@ def with_setting(data: dict[str, Any], setting: str) -> dict[str, Any]:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         value = text  # a bare word is a string
-    return replaced(data, key.strip().split("."), value, setting)
+    return replaced(data, key.strip().split("."), value, f'--set "{setting}"')
 
 
 def replaced(data: Any, path: list[str], value: Any, setting: str) -> Any:
-    """A copy of nested tables and lists with one place replaced."""
+    """A copy of nested tables and lists with one place replaced; ``setting`` is what the user wrote."""
     if not path:
         return value
     head, rest = path[0], path[1:]
     if isinstance(data, list | tuple):
         if not head.isdigit() or int(head) >= len(data):
             raise ObsplanError(
-                f'--set "{setting}": {head} is not one of the {len(data)} entries, which count from 0'
+                f"{setting}: {head} is not one of the {len(data)} entries, which count from 0"
             )
         return [
             replaced(item, rest, value, setting) if i == int(head) else item
@@ -164,6 +181,6 @@ def replaced(data: Any, path: list[str], value: Any, setting: str) -> Any:
         ]
     if not isinstance(data, dict):
         raise ObsplanError(
-            f'--set "{setting}": {head} is not a key, because the entry above it is a value; see `obsplan schema`'
+            f"{setting}: {head} is not a key, because the entry above it is a value; see `obsplan schema`"
         )
     return {**data, head: replaced(data.get(head, {}), rest, value, setting)}

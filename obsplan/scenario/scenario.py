@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Integer
 
 from obsplan.constraints import Constraints, Disc, Polygon
-from obsplan.planners import planner_class
+from obsplan.planners import DEFAULT_PLANNER, planner_class
 from obsplan.planners.filed import Filed
 from obsplan.planners.protocol import Planner
 from obsplan.scenario.tables import CONTEXT, FIXED, MissionSurvey, ScenarioTable
@@ -45,6 +45,42 @@ class Scenario:
             raise self.error("auv", f"the names {names} are not all different; rename one")
         _ = self.motions, self.ping_every, self.decide_every, self.constraints
         self.planner()
+
+    def __repr__(self) -> str:
+        table = self.table
+        planner = DEFAULT_PLANNER if table.planner.kind == "default" else table.planner.kind
+        known = vars(self).get("time")  # worked out by `check`; a repr reads no mission file
+        parts = [
+            f"{len(table.auv)} AUV{'s' * (len(table.auv) != 1)}",
+            *([] if known is None else [f"{known[-1]:g} s"]),
+            f"{table.ranging.kind} every {table.ranging.interval:g} s",
+            f"aid vehicle at {table.cna.speed:g} m/s",
+            f"planner {planner}",
+        ]
+        return f"<Scenario {table.name}: {', '.join(parts)}>"
+
+    def replace(
+        self, *, planner: str | dict[str, Any] | None = None, **settings: Any
+    ) -> "Scenario":
+        """The same scenario with other values for some keys, all of it checked again.
+
+        Parameters
+        ----------
+        planner
+            A planner by name, at the same interval and knowledge and before any ``planner__...``; or its whole table.
+        settings
+            Values by key, in the units of `obsplan schema`: a key of a table after two underscores, ``cna__speed=2.0``; an entry of a list
+            by its number, ``auv__0__speed=0.5``. None is the default.
+
+        Raises
+        ------
+        ObsplanError
+            As `load`; keys are named as they are written here.
+        """
+        from obsplan.scenario.files import changed
+
+        named = {} if planner is None else {"planner": planner}
+        return changed(self, named | settings)
 
     def error(self, key: str, what: object) -> ObsplanError:
         """An error at a key of this scenario."""

@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 
 from obsplan.planners import PLANNERS, planner_class
 from obsplan.surveys import SURVEYS
+from obsplan.types import Point, Points
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
@@ -14,6 +15,9 @@ NonNegative = Annotated[float, Field(ge=0)]
 # what the scenario itself tells a planner that has such a field: what a user may set otherwise, and what is not the planner's to set
 CONTEXT = ("center", "radius", "ping_interval", "sigma", "ranging_kind", "heading_sigma")
 FIXED = ("cna", "constraints", "decision_interval", "filed")
+
+# what a file holds where a constructor also takes arrays
+IN_FILES: dict[Any, Any] = {Point: tuple[float, float], Points: tuple[tuple[float, float], ...]}
 
 
 class Table(BaseModel):
@@ -36,6 +40,7 @@ def table_of(
             continue
         hint, default = hints[f.name], ... if f.default is MISSING else f.default
         description = hint.__metadata__[0] if hasattr(hint, "__metadata__") else ""
+        hint = IN_FILES.get(getattr(hint, "__origin__", hint), hint)
         if f.name in optional:
             hint, default = hint | None, None
         key, description = (

@@ -14,7 +14,7 @@ from obsplan.constraints import UNLIMITED
 from obsplan.planners.limits import within_limits
 from obsplan.planners.protocol import Planner
 from obsplan.run import Run, Timing, record
-from obsplan.scenario import Scenario, load, replanned
+from obsplan.scenario import Scenario, load
 from obsplan.simulation.inputs import mission_inputs
 from obsplan.simulation.native import native
 from obsplan.simulation.step import Carry, Inputs, Log, StepBuilder, folded, full_array, shape_of
@@ -55,7 +55,7 @@ def simulate(
         The scenario or the planner's name is wrong.
     """
     scenario = load(scenario) if isinstance(scenario, str) else scenario
-    scenario = replanned(scenario, planner) if isinstance(planner, str) else scenario
+    scenario = scenario.replace(planner=planner) if isinstance(planner, str) else scenario
     planner = scenario.planner() if planner is None or isinstance(planner, str) else planner
     return ClosedLoop(scenario=scenario, planner=planner).fly(
         scenario.table.seed if seed is None else seed, progress=progress
@@ -187,6 +187,7 @@ class ClosedLoop:
                 weight=auv.weight,
                 drift=scenario.table.environment.current,
                 course=along,
+                checked=False,
             )
             for mean, covariance, noise, auv, along in zip(
                 means, covariances, noises, scenario.table.auv, courses, strict=True

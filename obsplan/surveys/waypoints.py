@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from obsplan.surveys.reference import Reference, check_polyline
+from obsplan.types import Points, as_points
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,16 +17,15 @@ class Waypoints:
     Raises
     ------
     ValueError
-        Fewer than two points, a number that is not finite, or two identical consecutive points.
+        Fewer than two points, one that is not two finite numbers, or two identical consecutive points.
     """
 
-    points: Annotated[
-        tuple[tuple[float, float], ...], "points to pass, in order, each [east, north] [m]"
-    ]
+    points: Annotated[Points, "points to pass, in order, each [east, north] [m]"]
 
     def __post_init__(self):
+        object.__setattr__(self, "points", as_points(self.points))
         if len(self.points) < 2:
-            got = "none" if not self.points else f"only {list(self.points)}"
+            got = "none" if len(self.points) == 0 else f"only {list(self.points)}"
             raise ValueError(
                 f'a survey of waypoints needs at least two points, got {got}: add one, or use kind "static" to stay at a point'
             )
