@@ -176,7 +176,8 @@ COMMENTED = wpl(*go(A, B, C)).replace("110\n", "110\n# lawn\n\n // of a lake\n")
 def test_a_waypoint_file_is_read_however_it_is_written(tmp_path, name, content):
     mission = read_mission(write(tmp_path, name, content))
     np.testing.assert_array_equal(track(mission).points, [A, B, C])
-    assert mission.home == (HOME if str(HOME[0]) in content else None)
+    assert mission.origin == A
+    assert said(mission, "row 0, is the home, .* not flown to") == (str(HOME[0]) in content)
 
 
 @pytest.mark.parametrize(
@@ -198,7 +199,7 @@ def test_row_0_is_the_home_if_it_is_a_global_waypoint_of_version_110(
     row = f"{first}\t0\t0\t0\t0\t{A[0]}\t{A[1]}\t0\t1"
     mission = read_mission(write(tmp_path, "a.waypoints", f"{heading}\n{row}\n{rest}\n"))
     np.testing.assert_array_equal(track(mission).points, [B, C] if is_home else [A, B, C])
-    assert mission.home == (A if is_home else None)
+    assert mission.origin == (B if is_home else A)
     doubtful = "110" in heading and first.startswith("0") and not is_home
     assert said(mission, "row 0, is not a home .* and flown to") == doubtful
 
@@ -209,8 +210,8 @@ def test_our_own_waypoint_file_gives_our_own_track_back(tmp_path):
     write_waypoints(path, Mission(tracks={"cna": Track(points=ours)}, geographic=True))
     again = read_mission(path)
     np.testing.assert_allclose(again.tracks["cna"].points, ours, rtol=0, atol=1e-9)
-    assert again.home == A
-    assert not again.remarks
+    (remark,) = again.remarks
+    assert remark.endswith("row 0, is the home, where the vehicle was: not flown to")
 
 
 def test_rows_are_numbered_by_their_order_whatever_the_index_says(tmp_path):

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from obsplan.missions.mavlink import build_mission
 from obsplan.missions.mavlink.commands import FLOWN, LARGEST, Command
-from obsplan.missions.mavlink.items import NO_HOME, Item, collect, whole_number
-from obsplan.missions.mission import Mission, Point
+from obsplan.missions.mavlink.items import Item, collect, whole_number
+from obsplan.missions.mission import Mission
 from obsplan.missions.source import read_text
 from obsplan.types import ObsplanError
 
@@ -24,7 +24,8 @@ def read_wpl(path: Path | str) -> Mission:
     """Read the mission or the fence of a waypoint file.
 
     Tabs or blanks separate the columns; blank lines and comments after # or // are passed over.
-    Row 0 is the home, and not flown to, if the version is 110 and it is a waypoint (command 16)
+    Row 0 is the home, and neither flown to nor the origin (it is where the vehicle was when the file
+    was saved), if the version is 110 and it is a waypoint (command 16)
     in frame 0, or has command 0, as ground stations write it; else it is an item like the others.
 
     Raises
@@ -37,12 +38,12 @@ def read_wpl(path: Path | str) -> Mission:
     version = _version(path, next(lines, (1, ""))[1])
     rows = collect((_read_row(path, number, text) for number, text in lines), path)
     items, renumbered = _in_order(rows)
-    home, doubts = None, ()
+    doubts: tuple[str, ...] = ()
     if items and _is_home(version, items[0]):
-        home, doubts = _home(items.pop(0))
+        doubts = (f"{items.pop(0).place}, row 0, is the home, where the vehicle was: not flown to",)
     elif items and version == _WITH_HOME and items[0].number == 0 and items[0].command in FLOWN:
         doubts = (f"{items[0].place}, row 0, is not a home (command 16, frame 0), and flown to",)
-    return build_mission(path, items, home=home, remarks=(*renumbered, *doubts))
+    return build_mission(path, items, remarks=(*renumbered, *doubts))
 
 
 def _lines(text: str) -> Iterator[tuple[int, str]]:
@@ -118,9 +119,3 @@ def _is_home(version: str, row: Item) -> bool:
     """Whether the first row is the home."""
     waypoint = row.command == Command.NAV_WAYPOINT and row.frame == _GLOBAL
     return version == _WITH_HOME and row.number == 0 and (waypoint or row.command == _NO_COMMAND)
-
-
-def _home(row: Item) -> tuple[Point | None, tuple[str, ...]]:
-    """Place of the home, if it has one."""
-    home = row.position
-    return home, () if home is not None else (NO_HOME,)

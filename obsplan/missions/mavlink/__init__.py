@@ -44,7 +44,7 @@ def build_mission(
     path: Path,
     items: Sequence[Item],
     *,
-    home: Point | None,
+    home: Point | None = None,
     cruise: float = math.nan,
     fences: Fences | None = None,
     remarks: Sequence[str] = (),
