@@ -244,27 +244,30 @@ def test_depths_speeds_holds_and_times_are_read_in_their_units(tmp_path):
     assert mission.remarks == ('1 column ("crew") passed over',)
 
 
-@pytest.mark.parametrize("start", [100.0, 1.7e9, "iso"])
-def test_times_of_a_table_give_the_speed_on_each_leg(tmp_path, start):
+@pytest.mark.parametrize(
+    ("heading", "start"), [("time (s)", 100.0), ("timestamp", 1.7e9), ("Time (UTC)", "iso")]
+)
+def test_times_of_a_table_give_the_speed_on_each_leg(tmp_path, heading, start):
     seconds = [60 * i for i in range(6)]
     times = [
         f"2024-05-01 12:0{i}:00" if start == "iso" else start + s for i, s in enumerate(seconds)
     ]
-    track = read(tmp_path, "a.csv", table("lat,lon,timestamp", rows_with(times))).tracks["a"]
+    track = read(tmp_path, "a.csv", table(f"lat,lon,{heading}", rows_with(times))).tracks["a"]
     np.testing.assert_array_equal(track.time, seconds)
     lengths = [vdist(*a, *b)[0] for a, b in pairwise(LAWN_LATLON)]
     np.testing.assert_allclose(track.speed, np.array(lengths) / 60, rtol=1e-5)
 
 
 def test_altitude_is_upwards_and_a_column_that_cannot_be_read_is_passed_over(tmp_path):
-    columns = [[-4.5] * 6, ["slow"] * 6, [-1] * 6, ["noon"] * 6]
+    columns = [[-4.5] * 6, ["slow"] * 6, [-1] * 6, [120000, 120500] * 3]
     mission = read(
         tmp_path, "a.csv", table("lat,lon,Altitude,speed,hold,time", rows_with(*columns))
     )
     np.testing.assert_array_equal(mission.tracks["a"].altitude, [-4.5] * 6)
     assert mission.tracks["a"].speed is None
     assert mission.remarks == (
-        '3 columns ("speed", "hold" and "time") with values that cannot be read passed over',
+        '2 columns ("speed" and "hold") with values that cannot be read passed over',
+        '1 column ("time") with values that cannot be read passed over: write ISO 8601, or seconds under time_s',
     )
 
 
@@ -318,6 +321,15 @@ def test_geometries_in_wkt_are_tracks_and_limits_by_their_names(tmp_path):
     areas, geographic = read_areas(tmp_path / "a.csv")
     assert geographic
     assert len(areas) == 5
+
+
+def test_more_lines_than_a_mission_has_are_refused_at_once(tmp_path):
+    check_refused(
+        tmp_path,
+        "a.csv",
+        "x,y\n" + "1,2\n" * 400_001,
+        "has more than 400000 lines: export the mission",
+    )
 
 
 # --- what is refused, and what survives ---------------------------------------------------------------

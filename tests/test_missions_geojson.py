@@ -39,7 +39,10 @@ def test_lines_keep_their_names_and_other_geometries_are_counted(tmp_path):
     mission = read(tmp_path, "a.geojson", collection(*features))
     assert list(mission.tracks) == ["alpha", "alpha-2", "m", "m-2", "a"]
     np.testing.assert_array_equal(mission.tracks["m-2"].points, TRACK[1:])
-    assert mission.remarks == ('2 points ("buoy" and "mark") passed over: only lines are tracks',)
+    assert mission.remarks == (
+        '2 points ("buoy" and "mark") passed over: only lines are tracks',
+        "1 feature without geometry passed over",
+    )
 
 
 def test_empty_and_stub_lines_are_passed_over_with_one_remark_a_kind(tmp_path):
@@ -76,6 +79,11 @@ def test_a_line_over_180_degrees_is_one_track_as_long_as_on_earth(tmp_path, piec
     there = vdist(-16.8, 179.9985, -16.8, -179.9985)[0]
     back = vdist(-16.8, -179.9985, -16.801, -179.9985)[0]
     np.testing.assert_allclose(length, there + back, rtol=0, atol=1e-3)
+
+
+def test_more_vertices_than_a_mission_has_are_refused_at_once(tmp_path):
+    message = r"geometry has 200001 vertices, more than 200000: export the mission, not the log"
+    check_refused(tmp_path, "a.geojson", line([[1, 2]] * 200_001), message)
 
 
 def test_lines_that_only_touch_stay_apart(tmp_path):

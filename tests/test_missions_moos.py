@@ -192,7 +192,7 @@ BAD = {
     "no points": ("initialize DEPLOY = false\n", "holds no line to follow: draw"),
     "text": (behaviour("points = 0,0 : here"), "line 4, point 2, x must be a number, got 'here'"),
     "letters": (behaviour("points = 0,0 : 1x,2"), "line 4, point 2, x must be a number, got '1x'"),
-    "placeholder": (behaviour("points = $(POINTS)"), r"line 4 has a placeholder \('\$\(POINTS\)'\): expand the file with nsplug"),
+    "placeholder": (behaviour("points = $(POINTS)"), r"no line to follow \(1 track .* not read \(placeholder of nsplug\)"),
     "far": (behaviour("points = 0,0 : 550000,1"), r"line 4, point 2, has \(550000.0, 1.0\) m, more than 100 km"),
     "bad speed": (behaviour("speed = fast", "points = 0,0 : 1,1"), "line 5: its speed must be a number, got 'fast'"),
     "no width": (behaviour(PATTERN.replace("width=40,", "")), "line 4: width must be a number, got ''"),

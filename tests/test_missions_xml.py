@@ -18,7 +18,7 @@ from mission_files import (
 )
 from pymap3d.vincenty import vdist
 
-from obsplan.missions import read_mission
+from obsplan.missions import findings, markup, read_mission
 from obsplan.types import ObsplanError
 
 GPX = '<?xml version="1.0" encoding="UTF-8"?>\n<gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1">{}</gpx>'
@@ -261,6 +261,7 @@ def test_polygons_of_kml_are_limits_by_name_data_description_or_folder(tmp_path)
         + f"<Folder><name>Keep-outs</name>{placemark(POLYGON, 'd')}</Folder>"
         + placemark(POLYGON, "meadow")
         + placemark("<Point><coordinates>10.4,63.44</coordinates></Point>", "pier")
+        + placemark("", "empty")
         + "<NetworkLink><name>chart</name></NetworkLink>"
     )
     mission = read(tmp_path, "a.kml", content)
@@ -269,6 +270,7 @@ def test_polygons_of_kml_are_limits_by_name_data_description_or_folder(tmp_path)
         np.testing.assert_array_equal(area.points, SQUARE[:-1])
     assert mission.remarks == (
         '1 point ("pier") passed over: only lines are tracks',
+        '1 placemark ("empty") without geometry passed over',
         '1 link ("chart") passed over: only what the file itself draws is read',
         '1 geofence ("a") with holes: the holes are keep-outs',
         '1 polygon ("meadow") passed over: name it "keep-out ..." or "geofence ..." to make it a limit',
@@ -329,6 +331,25 @@ BAD = {
 @pytest.mark.parametrize("case", BAD)
 def test_bad_xml_is_refused_in_one_sentence_that_says_where_what_and_how_to_mend(tmp_path, case):
     check_refused(tmp_path, *BAD[case])
+
+
+def test_more_elements_or_vertices_than_a_mission_has_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(markup, "_MOST", 8)
+    check_refused(
+        tmp_path, "a.gpx", GPX.format(route()), "has more than 8 elements: export the mission"
+    )
+    monkeypatch.setattr(markup, "_MOST", 1000)
+    monkeypatch.setattr(findings, "MOST_VERTICES", 5)
+    check_refused(
+        tmp_path, "a.gpx", GPX.format(route()), "route 'survey' has 6 vertices, more than 5"
+    )
+    check_refused(
+        tmp_path, "a.kml", KML.format(placemark(LINE)), "placemark 'survey' has 6 vertices"
+    )
+    half = points("rtept", LAWN_LATLON[:3])
+    check_refused(
+        tmp_path, "a.gpx", GPX.format(f"<rte>{half}</rte><rte>{half}</rte>"), "a.gpx has 6 vertices"
+    )
 
 
 def test_files_that_are_or_unpack_too_large_are_refused(tmp_path):

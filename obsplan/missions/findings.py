@@ -24,6 +24,7 @@ _GEOFENCE = re.compile(
     re.IGNORECASE,
 )
 NAMED_SO = 'name it "keep-out ..." or "geofence ..." to make it a limit'
+MOST_VERTICES = 200_000  # two days of fixes, one a second
 _CUT = 1e-6  # [degrees]; two ends at ±180 are nearer than that if a line was cut there
 
 Vertex = tuple[float, float, float]  # a point as the mission has it, and its altitude [m] or nan
@@ -55,6 +56,7 @@ class Findings:
 
     path: Path
     geographic: bool = True
+    count: int = 0  # of vertices
     drafts: list[Draft] = field(default_factory=list)
     outlines: list[Outline] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
@@ -70,6 +72,8 @@ class Findings:
         time: list[float] | None = None,
     ) -> None:
         """Add a line, with what else the file says of its vertices, as in `Draft`; a speed of 0 says nothing."""
+        self.count += len(vertices)
+        check_count(self.count, str(self.path))
         altitude: list[float] | None = [vertex[2] for vertex in vertices]
         known = [not math.isnan(value) for value in altitude]
         if not all(known):
@@ -162,6 +166,20 @@ class Findings:
 def _is_area(area: Area) -> bool:
     """Whether an area is a circle, or has three corners apart."""
     return area.radius is not None or len({tuple(point) for point in area.points.tolist()}) >= 3
+
+
+def check_count(count: int, where: str) -> None:
+    """Refuse more vertices than a mission has.
+
+    Raises
+    ------
+    ObsplanError
+        More than `MOST_VERTICES`; names the place.
+    """
+    if count > MOST_VERTICES:
+        raise ObsplanError(
+            f"{where} has {count} vertices, more than {MOST_VERTICES}: export the mission, not the log of one"
+        )
 
 
 def join_at_180(lines: Sequence[Sequence[Vertex]]) -> list[list[Vertex]]:

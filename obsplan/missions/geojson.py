@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from obsplan.files import write_atomically
-from obsplan.missions.findings import Findings, Outline, Vertex, join_at_180, ring_area
+from obsplan.missions.findings import Findings, Outline, Vertex, check_count, join_at_180, ring_area
 from obsplan.missions.mission import Area, Mission, check_latlon, check_number
 from obsplan.missions.source import read_json
 from obsplan.types import ObsplanError
@@ -118,6 +118,8 @@ def _read_feature(feature: dict[str, Any], where: str, found: Findings) -> None:
                 found.passed_over(
                     "shape", f"of unknown type {reprlib.repr(kind)} passed over", name
                 )
+    if feature.get("geometry") is None:
+        found.passed_over("feature", "without geometry passed over", name)
     for line in lines:
         found.line(name, line, **_told_of_vertices(told, len(line), name, found))
 
@@ -151,10 +153,9 @@ def _parts(node: dict[str, Any], where: str) -> Iterator[tuple[dict[str, Any], s
 
 def _positions(node: dict[str, Any], where: str) -> list[Vertex]:
     """Vertices of a line or a ring."""
-    return [
-        _position(position, f"{where}.coordinates[{i}]")
-        for i, position in _items(node, "coordinates", where)
-    ]
+    positions = list(_items(node, "coordinates", where))
+    check_count(len(positions), where)
+    return [_position(position, f"{where}.coordinates[{i}]") for i, position in positions]
 
 
 def _position(position: Any, where: str) -> Vertex:

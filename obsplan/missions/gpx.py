@@ -8,7 +8,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from obsplan.missions.findings import Findings, Vertex
+from obsplan.missions.findings import Findings, Vertex, check_count
 from obsplan.missions.markup import parse_xml, text_of
 from obsplan.missions.mission import Mission, check_latlon, read_number
 from obsplan.missions.source import read_bytes
@@ -100,6 +100,7 @@ def _place(found: Findings, kind: str, name: str | None) -> str:
 
 def _vertices(points: list["Element"], place: str) -> list[Vertex]:
     """Latitude and longitude [degrees] and elevation [m] of points."""
+    check_count(len(points), place)
     vertices: list[Vertex] = []
     for i, point in enumerate(points, start=1):
         where = f"{place}, point {i},"

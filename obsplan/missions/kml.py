@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from obsplan.missions.findings import Findings, Outline, Vertex, join_at_180, ring_area
+from obsplan.missions.findings import Findings, Outline, Vertex, check_count, join_at_180, ring_area
 from obsplan.missions.markup import parse_xml, text_of
 from obsplan.missions.mission import Area, Mission, check_latlon, read_number
 from obsplan.missions.source import MOST_BYTES, read_bytes
@@ -140,7 +140,10 @@ def _read_placemark(placemark: "Element", folder: str, found: Findings) -> None:
     name = text_of(placemark, "name")
     where = f"{found.path}: placemark {name!r}" if name else f"{found.path}: placemark"
     lines: list[list[Vertex]] = []
-    for geometry in _geometries(placemark):
+    geometries = list(_geometries(placemark))
+    if not geometries:
+        found.passed_over("placemark", "without geometry passed over", name)
+    for geometry in geometries:
         match geometry.tag:
             case "LineString" | "LinearRing":
                 line = _coordinates(geometry, where)
@@ -208,10 +211,11 @@ def _read_tracks(tracks: list["Element"], name: str | None, where: str, found: F
 
 def _coordinates(geometry: "Element", where: str) -> list[Vertex]:
     """Vertices of a line or a ring."""
-    text = re.sub(r"\s*,\s*", ",", geometry.findtext("coordinates") or "")
+    triples = re.sub(r"\s*,\s*", ",", geometry.findtext("coordinates") or "").split()
+    check_count(len(triples), where)
     return [
         _vertex(triple.rstrip(",").split(","), f"{where}: coordinates[{i}]")
-        for i, triple in enumerate(text.split())
+        for i, triple in enumerate(triples)
     ]
 
 

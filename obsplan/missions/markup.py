@@ -10,11 +10,11 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 _DEEPEST = 60  # elements within each other; mission files have about ten
-_MOST = 2_000_000  # elements
+_MOST = 1_000_000  # elements; several for each of 200 000 vertices
 
 
 def parse_xml(content: bytes, path: Path) -> "Element":
-    """Parse XML and give its root, tags without their namespaces.
+    """Parse XML and give its root, tags without their namespaces: many files have a wrong one, or none.
 
     Raises
     ------
@@ -29,16 +29,20 @@ def parse_xml(content: bytes, path: Path) -> "Element":
     events = iterparse(io.BytesIO(content), ("start", "end"), forbid_dtd=True)
     try:
         _, root = next(events)
-        _strip_namespace(root)
+        root.tag = root.tag.rpartition("}")[2]
         depth, count = 1, 1
         for event, element in events:
             if event == "end":
                 depth -= 1
                 continue
             depth, count = depth + 1, count + 1
-            if depth > _DEEPEST or count > _MOST:
+            if depth > _DEEPEST:
                 raise ObsplanError(f"{path} is nested too deeply to be a mission: export it again")
-            _strip_namespace(element)
+            if count > _MOST:
+                raise ObsplanError(
+                    f"{path} has more than {_MOST} elements: export the mission alone"
+                )
+            element.tag = element.tag.rpartition("}")[2]
     except DefusedXmlException as error:
         raise ObsplanError(
             f"{path} has a document type or entities, which are not read for safety: export it again without"
@@ -48,11 +52,6 @@ def parse_xml(content: bytes, path: Path) -> "Element":
             f"{path} is not valid XML ({error}): it may be cut short, export it again"
         ) from error
     return root
-
-
-def _strip_namespace(element: "Element") -> None:
-    """Keep the name alone: many files have a wrong namespace, or none."""
-    element.tag = element.tag.rpartition("}")[2]
 
 
 def text_of(element: "Element", tag: str) -> str | None:

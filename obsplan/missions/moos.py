@@ -52,6 +52,8 @@ def read_moos(path: Path | str) -> Mission:
     path = Path(path)
     text, remarks = read_loose_text(path)
     found = Findings(path=path, geographic=False, remarks=remarks)
+    if text.count("\n") > MOST_VERTICES:
+        raise ObsplanError(f"{path} has more than {MOST_VERTICES} lines: give the behaviours alone")
     for block in _blocks(text, found):
         limits = _read_limits(block, found)
         tracks = _read_tracks(block, found)

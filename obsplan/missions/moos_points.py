@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Iterator
 
-from obsplan.missions.findings import Vertex
+from obsplan.missions.findings import Vertex, check_count
 from obsplan.missions.mission import Point, check_local, read_number
 from obsplan.types import ObsplanError
 
@@ -21,12 +21,15 @@ _DRAWING = (
     *("source", "type", "active", "msg", "time", "duration", "id"),
 )
 _LIST = re.compile(r"(?<!\w)pts\s*=\s*[{\"]([^}\"]*)")
+_PLACEHOLDER = re.compile(r"[$%]\(")
 _FORMAT = re.compile(r"(?<!\w)format\s*=\s*([a-z]+)", re.IGNORECASE)
 _PREFIX = re.compile(r"^[\s\"]*([a-z]+)\s*:+", re.IGNORECASE)  # lawnmower: ..., radial:: ...
 
 
 def pattern_of(text: str) -> str:
     """Name the form of a string of points: `lawnmower`, `radial`, ...; empty for a plain list."""
+    if _PLACEHOLDER.search(text):
+        return "placeholder of nsplug"
     if _LIST.search(text):
         return ""
     told = _FORMAT.search(text) or _PREFIX.match(text)
@@ -42,10 +45,6 @@ def read_points(text: str, where: str) -> list[Vertex] | None:
     ObsplanError
         Not points; names the place.
     """
-    if "$(" in text or "%(" in text:
-        raise ObsplanError(
-            f"{where} has a placeholder ({text[:40]!r}): expand the file with nsplug first"
-        )
     match pattern_of(text):
         case "":
             return _read_list(text, where)
@@ -60,6 +59,7 @@ def _read_list(text: str, where: str) -> list[Vertex]:
     """Vertices (x, y, z or nan) of `x,y : x,y`, with or without `pts={}` around and labels between."""
     inner = _LIST.search(text)
     listed = inner[1] if inner else _PREFIX.sub("", text, count=1).strip('" ')
+    check_count(listed.count(":") + 1, where)
     vertices: list[Vertex] = []
     for token in listed.split(":"):
         x, _, rest = (part.strip() for part in token.partition(","))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from obsplan.missions.findings import Findings, Vertex
+from obsplan.missions.findings import MOST_VERTICES, Findings, Vertex
 from obsplan.missions.mission import Mission
 from obsplan.missions.source import read_loose_text
 from obsplan.missions.tables.cells import PAIRS, Row, Table
@@ -37,6 +37,10 @@ def read_csv(path: Path | str) -> Mission:
     """
     path = Path(path)
     text, remarks = read_loose_text(path)
+    if text.count("\n") > 2 * MOST_VERTICES:
+        raise ObsplanError(
+            f"{path} has more than {2 * MOST_VERTICES} lines: export the mission, not the log of one"
+        )
     rows = read_rows(text, path, _is_heading)
     if not rows.rows:
         raise ObsplanError(f"{path} has a heading but no points: add one line per point")
@@ -149,7 +153,8 @@ def _values(table: Table, rows: Sequence[Row], role: str, found: Findings) -> li
     lowest = 0.0 if role in ("speed", "hold") else -math.inf
     if values is None or any(value < lowest for value in values):
         heading = table.columns[role].heading
-        found.passed_over("column", "with values that cannot be read passed over", heading)
+        remedy = ": write ISO 8601, or seconds under time_s" if role == "time" else ""
+        found.passed_over("column", f"with values that cannot be read passed over{remedy}", heading)
         return None
     return values
 

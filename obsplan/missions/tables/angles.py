@@ -13,6 +13,8 @@ _ANGLE = re.compile(
     [°'"]?\s*(?P<after>[NSEW])?""",
     re.ASCII | re.IGNORECASE | re.VERBOSE,
 )
+_PLAIN = re.compile(r"\s*[+-]?[\d.]+\s*", re.ASCII)
+_MARKED = re.compile("[°º˚NSEW]", re.IGNORECASE)
 _IN_LETTERS = re.compile(  # 63d26m24s, whose s is no south
     r"(\d+)\s*d(?:eg)?\s*(\d+(?:\.\d*)?)\s*m(?:in)?(?:\s*(\d+(?:\.\d*)?)\s*s(?:ec)?)?",
     re.ASCII | re.IGNORECASE,
@@ -20,9 +22,14 @@ _IN_LETTERS = re.compile(  # 63d26m24s, whose s is no south
 _MARKS = str.maketrans({"º": "°", "˚": "°", "′": "'", "’": "'", "´": "'", "″": '"', "”": '"'})
 
 
-def is_angle(text: str) -> bool:
-    """Whether a text is an angle with a mark or a letter, and not just a number."""
-    return _match(text) is not None and not re.fullmatch(r"[+-]?[\d.]+", text.strip())
+def is_plain(text: str) -> bool:
+    """Whether a text is a number, or nothing like an angle either, so that it is read as a number."""
+    return _PLAIN.fullmatch(text) is not None or _match(text) is None
+
+
+def is_marked(text: str) -> bool:
+    """Whether a text is an angle with a letter of the compass or a sign of degrees."""
+    return _MARKED.search(text) is not None and _match(text) is not None
 
 
 def read_angle(text: str, where: str) -> tuple[float, str]:

@@ -6,13 +6,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from obsplan.missions.mission import Point, check_latlon, check_local, read_number
-from obsplan.missions.tables.angles import is_angle, read_angle
+from obsplan.missions.tables.angles import is_plain, read_angle
 from obsplan.missions.tables.columns import Column
 from obsplan.missions.timing import seconds_of
 from obsplan.types import ObsplanError
 
 # roles of coordinates; geographic first: where a table has both, its metres may have any origin
 PAIRS = (("lat", "lon"), ("east", "north"))
+_LETTERS = {"north or south": ("N", "S"), "east or west": ("E", "W")}
 _ORDER = "exchange the headings of the two columns"
 
 Row = tuple[int, list[str]]  # the number of its line, and its cells
@@ -88,29 +89,38 @@ class Table:
     def _degrees(self, row: Row, role: str, hemisphere: str) -> float:
         """Angle [degrees] in a cell, and in the columns of minutes, seconds and hemisphere beside it."""
         text, where = _pointed(self.cell(row, role)), self.place(row, role)
-        angle, letter = (
-            read_angle(text, where) if is_angle(text) else (read_number(text, where), "")
-        )
-        beside = 0.0
-        for part, size in ((f"{role} minutes", 60.0), (f"{role} seconds", 3600.0)):
+        if is_plain(text):
+            angle, letter = read_number(text, where), ""
+        else:
+            angle, letter = read_angle(text, where)
+        beside = self._minutes(row, role, angle)
+        angle += math.copysign(beside, -1.0 if text.startswith("-") else 1.0)
+        letters = letter + self.cell(row, hemisphere)[:1].upper()
+        if letters == "":
+            return angle
+        positive, negative = _LETTERS[hemisphere]
+        if not set(letters) <= {positive, negative}:
+            raise ObsplanError(
+                f"{where} must be {hemisphere}, got the letter {letters!r}: {_ORDER}"
+            )
+        if letter == "" and letters == negative:
+            if angle < 0:
+                raise ObsplanError(f"{where} is negative and {letters}: leave one of them out")
+            return -angle
+        return angle
+
+    def _minutes(self, row: Row, role: str, angle: float) -> float:
+        """Degrees that the columns of minutes and seconds add to an angle."""
+        degrees = 0.0
+        for part, per_degree in ((f"{role} minutes", 60.0), (f"{role} seconds", 3600.0)):
             if part in self.columns:
                 value = read_number(_pointed(self.cell(row, part)), self.place(row, part))
                 if not 0 <= value < 60 or not angle.is_integer():
                     raise ObsplanError(
                         f"{self.place(row, part)} must be 0 to 60 beside whole degrees, got {value} beside {angle}: correct it"
                     )
-                beside += value / size
-        angle += math.copysign(beside, -1.0 if text.startswith("-") else 1.0)
-        letters = (letter + self.cell(row, hemisphere)[:1].upper()).strip()
-        if not set(letters) <= set(hemisphere.upper()[:1] + hemisphere.split()[-1].upper()[:1]):
-            raise ObsplanError(
-                f"{where} must be {hemisphere}, got the letter {letters!r}: {_ORDER}"
-            )
-        if set(letters) & {"S", "W"} and not letter:
-            if angle < 0:
-                raise ObsplanError(f"{where} is negative and {letters}: leave one of them out")
-            angle = -angle
-        return angle
+                degrees += value / per_degree
+        return degrees
 
     def numbers(self, rows: Sequence[Row], role: str) -> list[float] | None:
         """Numbers in a column, in our unit, nan where a cell is empty; None if a cell is something else."""
@@ -122,9 +132,13 @@ class Table:
             return None
 
     def times(self, rows: Sequence[Row]) -> list[float] | None:
-        """Times [s] in their column: numbers, or ISO 8601; nan where a cell is empty; None if a cell is something else."""
+        """Times [s] in their column, nan where a cell is empty; None if a cell is something else.
+
+        Numbers are times if the heading gives their unit, or if they can only count from 1970;
+        texts are in ISO 8601.
+        """
         numbers = self.numbers(rows, "time")
-        if numbers is not None:
+        if numbers is not None and (self.columns["time"].unit or _since_1970(numbers)):
             return numbers
         texts = [self.cell(row, "time") for row in rows]
         times = [seconds_of(text) if text else math.nan for text in texts]
@@ -132,6 +146,11 @@ class Table:
             text == "" or math.isfinite(time) for text, time in zip(texts, times, strict=True)
         )
         return times if readable else None
+
+
+def _since_1970(numbers: Sequence[float]) -> bool:
+    """Whether numbers are seconds since 1970, from 1985 to 2128."""
+    return all(math.isnan(number) or 5e8 < number < 5e9 for number in numbers)
 
 
 def _pointed(text: str) -> str:

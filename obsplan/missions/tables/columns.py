@@ -34,7 +34,7 @@ _ROLES = {
     "depth": (("depth",), _LENGTH),
     "speed": (("speed", "sog", "velocity"), _SPEED),
     "hold": (("hold", "hold time", "wait", "dwell", "loiter time"), _TIME),
-    "time": (("time", "datetime", "date time", "timestamp", "utc", "t"), _TIME),
+    "time": (("time", "datetime", "date time", "timestamp", "utc"), _TIME),
     "track": (
         ("track", "line", "leg", "route", "vehicle", "auv", "track name", "line name"),
         _TEXT,
@@ -59,7 +59,8 @@ class Column:
 
     index: int
     heading: str
-    factor: float = 1.0  # from its unit to metres, m/s, seconds or degrees
+    unit: str = ""  # as the heading has it
+    factor: float = 1.0  # from it to metres, m/s, seconds or degrees
 
 
 def find_columns(headings: Sequence[str], where: str) -> dict[str, Column]:
@@ -75,7 +76,7 @@ def find_columns(headings: Sequence[str], where: str) -> dict[str, Column]:
         name, unit = _split(heading)
         for role, (names, units) in _ROLES.items():
             if name in names and unit in units:
-                found.setdefault(role, Column(index, heading.strip(), units[unit]))
+                found.setdefault(role, Column(index, heading.strip(), unit, units[unit]))
                 break
         else:
             if name in (*_ROLES["lat"][0], *_ROLES["lon"][0], "easting", "northing"):

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from obsplan.missions.findings import Findings
-from obsplan.missions.tables.angles import is_angle, read_angle
+from obsplan.missions.tables.angles import is_marked, read_angle
 from obsplan.missions.tables.columns import Column
 from obsplan.missions.tables.rows import Rows, is_number
 from obsplan.types import ObsplanError
@@ -91,6 +91,6 @@ def _roles(first: list[str], second: list[str], where: str) -> tuple[str, ...]:
 
 def _value(cell: str, where: str) -> tuple[float, str]:
     """Value of a cell, and the letter beside it."""
-    if is_angle(cell):
+    if is_marked(cell):
         return read_angle(cell, where)
     return float(cell.replace(",", ".")), ""

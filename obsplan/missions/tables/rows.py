@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from obsplan.missions.source import MOST_BYTES
-from obsplan.missions.tables.angles import is_angle
+from obsplan.missions.tables.angles import is_marked
 from obsplan.types import ObsplanError
 
 _DELIMITERS = "\t;|, "  # the surest first: numbers may hold commas, names may hold blanks
@@ -30,9 +30,7 @@ class Rows:
 
 def is_number(cell: str) -> bool:
     """Whether a cell is a number, with a point or a comma, or an angle with a mark or a letter."""
-    return _NUMBER.fullmatch(cell) is not None or (
-        is_angle(cell) and re.search("[°º˚NSEW]", cell, re.IGNORECASE) is not None
-    )
+    return _NUMBER.fullmatch(cell) is not None or is_marked(cell)
 
 
 def read_rows(text: str, path: Path, is_heading: Callable[[Sequence[str], str], bool]) -> Rows:

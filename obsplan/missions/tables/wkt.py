@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obsplan.missions.findings import Findings, Outline, Vertex, join_at_180, ring_area
+from obsplan.missions.findings import Findings, Outline, Vertex, check_count, join_at_180, ring_area
 from obsplan.missions.mission import check_latlon, check_local, check_number
 from obsplan.missions.tables.guess import looks_like_degrees
 from obsplan.types import ObsplanError
@@ -103,6 +103,7 @@ def _vertices(geometry: "BaseGeometry", where: str, *, geographic: bool) -> list
     """Vertices of a point, a line or a ring."""
     import shapely
 
+    check_count(int(shapely.get_num_coordinates(geometry)), where)
     vertices: list[Vertex] = []
     for x, y, z in shapely.get_coordinates(geometry, include_z=True).tolist():
         x, y = check_number(x, where), check_number(y, where)
