@@ -5,6 +5,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
+from obsplan.constraints import ROUNDING
 from obsplan.run import Run
 
 COLUMNS = {  # heading of each figure of merit, in words short enough for 80 columns, and its decimals
@@ -16,6 +17,7 @@ COLUMNS = {  # heading of each figure of merit, in words short enough for 80 col
     "mean_nees": ("NEES [-]", 1),
     "separation_mean_m": ("Mean sep. [m]", 1),
     "separation_max_m": ("Max sep. [m]", 1),
+    "violation_max_m": ("Limit broken by [m]", 2),
 }
 CAPTION = "PCRB: posterior Cramér–Rao bound of this path; Bound: of any path; Eff.: Bound / PCRB; NEES: 2 if consistent; sep.: separation"
 
@@ -34,11 +36,31 @@ def run_table(run: Run) -> Table:
     for key in columns:
         table.add_column(Text(COLUMNS[key][0]), justify="right")
     for name, figures in summary["auv"].items():
-        table.add_row(Text(name), *(cell(figures[key], COLUMNS[key][1]) for key in columns))
+        table.add_row(Text(name), *(_figure(key, figures[key]) for key in columns))
     if len(summary["auv"]) > 1:
         table.add_section()
-        table.add_row("all", *(cell(summary["all"][key], COLUMNS[key][1]) for key in columns))
+        table.add_row("all", *(_figure(key, summary["all"][key]) for key in columns))
     return table
+
+
+def _figure(key: str, value: Any) -> str:
+    """A figure of merit as its column shows it."""
+    return violation_cell(value) if key == "violation_max_m" else cell(value, COLUMNS[key][1])
+
+
+def breaks(violation: float | None) -> bool:
+    """Whether that is more than rounding [m]."""
+    return violation is not None and violation > ROUNDING
+
+
+def marked(name: str, broke: bool) -> str:
+    """A name, with a mark if its bearer broke a limit."""
+    return f"{name} †" if broke else name
+
+
+def violation_cell(violation: float | None) -> str:
+    """By how much a limit was broken [m], if one was."""
+    return cell(violation, 2) if violation is None or breaks(violation) else "kept"
 
 
 def cell(value: Any, decimals: int) -> str:
