@@ -1,4 +1,7 @@
-"""Whether a filter's errors are as large as it says: the NEES test for one run, whose errors depend on each other."""
+"""Whether a filter's errors are as large as it says: the NEES test for one run.
+
+Errors within a run depend on each other: a run is worth fewer independent ones than it has samples.
+"""
 
 import numpy as np
 from jaxtyping import Float
@@ -15,23 +18,27 @@ def effective_samples(
     *,
     position: int = 2,
 ) -> float:
-    r"""Return how many independent errors the time average of a filter's NEES is worth, if the filter is consistent.
+    r"""Return how many independent errors the mean NEES over a run is worth, if it is consistent.
 
-    A consistent filter's covariances say how its errors depend on each other (Anderson & Moore 1979, 5.3):
+    A consistent filter's covariances say how its errors depend on each other (Anderson & Moore
+    1979, 5.3):
 
-    .. math:: \mathrm{E}[e_t e_s^\top] = M_{t-1} \cdots M_s P_s, \quad M_k = P_{k+1} (F_k P_k F_k^\top + Q)^{-1} F_k
+    .. math:: \mathrm{E}[e_t e_s^\top] = M_{t-1} \cdots M_s P_s, \quad
+              M_k = P_{k+1} (F_k P_k F_k^\top + Q)^{-1} F_k
 
-    With :math:`C_{ts}` that of two errors whitened by their own covariances, NEES of d coordinates have covariance
-    :math:`2 \lVert C_{ts} \rVert_F^2`, so that their average over N instants has the variance of an average over
+    With :math:`C_{ts}` that of two errors whitened by their own covariances, NEES of d coordinates
+    have covariance :math:`2 \lVert C_{ts} \rVert_F^2`, so that their mean over N instants has the
+    variance of a mean over
 
     .. math:: N_\mathrm{eff} = d N^2 / \sum_{t,s} \lVert C_{ts} \rVert_F^2
 
-    independent ones. At most `INSTANTS` evenly spaced instants are looked at: of a run with more samples the number is rather too low.
+    independent ones. At most `INSTANTS` evenly spaced instants are looked at: of a run with more
+    samples the number is rather too low.
 
     Parameters
     ----------
     P
-        The filter's covariance at every sample; its leading ``position`` coordinates are the NEES's.
+        The filter's covariance at every sample; NEES are of its first ``position`` coordinates.
     F, Q
         Transition over each step, and covariance of the process noise over one.
     position
@@ -65,15 +72,16 @@ def _error_transitions(
     F: Float[np.ndarray, "steps n n"],
     Q: Float[np.ndarray, "n n"],
 ) -> Float[np.ndarray, "steps n n"]:
-    """How an error becomes the next: M, with the pseudo-inverse where something is known for certain."""
+    """How an error becomes the next: M, with the pseudo-inverse where something is certain."""
     predicted = F @ P[:-1] @ np.swapaxes(F, -1, -2) + Q
     return P[1:] @ np.linalg.pinv(predicted, hermitian=True) @ F
 
 
 def mean_nees_interval(samples: float, *, position: int = 2) -> tuple[float, float]:
-    r"""Return what the mean of ``samples`` independent NEES of a consistent filter lies within, with probability 0.95.
+    r"""Return the interval that holds the mean of N independent NEES with probability 0.95.
 
-    N times the mean is chi-square with d N degrees (Bar-Shalom, Li & Kirubarajan 2001, 5.4); N need not be whole.
+    N times the mean is chi-square with d N degrees if the filter is consistent (Bar-Shalom, Li &
+    Kirubarajan 2001, 5.4); N, here ``samples``, need not be whole.
     """
     tail = (1.0 - CONFIDENCE) / 2
     low, high = chi2.ppf([tail, 1.0 - tail], position * samples) / samples

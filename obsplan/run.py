@@ -96,7 +96,7 @@ class Run:
 
     @cached_property
     def independent_errors(self) -> Float[np.ndarray, " auvs"]:
-        """How many independent errors the mean NEES of each AUV is worth, if its filter is consistent (see `effective_samples`)."""
+        """How many independent errors each AUV's mean NEES is worth (see `effective_samples`)."""
         dt, model = self.scenario.table.time_step, self.scenario.auv_model
         counts = [
             effective_samples(P, transitions(model, mean[:-1], dt), Q)
@@ -111,7 +111,7 @@ class Run:
 
     @cached_property
     def limits(self) -> tuple[LimitHistory, ...]:
-        """How each of the scenario's limits was kept at the sample instants: keep-outs, geofence, separations AUV by AUV."""
+        """How each of the scenario's limits was kept, at the sample instants."""
         path = np.ascontiguousarray(self.cna[:, :2])
         return self.scenario.constraints.histories(path, self.separation, self.names)
 

@@ -32,9 +32,11 @@ def varied_keys(table: "pd.DataFrame") -> list[str]:
 def medians(table: "pd.DataFrame", by: list[str] | None = None) -> "pd.DataFrame":
     """Median of each figure with its bootstrap 95 % interval, over the missions that did not fail.
 
-    One row per combination of the columns ``by`` (default: scenario, planner and every varied key): ``missions``, ``failed``, ``violated``,
-    how many broke a limit, and ``violation_worst_m``, by how much at most (nan without limits; negative: what was to spare); then for each
-    figure its name, name_low and name_high; nan where fewer than one or, for the interval, two missions have the figure.
+    One row per combination of the columns ``by`` (default: scenario, planner and every varied key):
+    ``missions``, ``failed``, ``violated`` (how many broke a limit), ``violation_worst_m`` (by how
+    much at most; nan without limits, negative where there was something to spare); then for each
+    figure its name, name_low and name_high; nan where fewer than one or, for the interval, two
+    missions have the figure.
     """
     import pandas as pd
 

@@ -28,7 +28,7 @@ Rows = Sequence[
 
 
 def compare_table(rows: Rows) -> "Table":
-    """Tabulate planners in their order: figures themselves, or median [first, third quartile] over the seeds, and limits broken."""
+    """Tabulate planners in their order: figures, or medians and quartiles, and limits broken."""
     from rich.table import Table
     from rich.text import Text
 
@@ -51,7 +51,10 @@ def compare_table(rows: Rows) -> "Table":
 
 
 def ranked(rows: Rows) -> list[str]:
-    """Planners by their median RMS error, those that broke a limit after all that kept them; of equals the one given first."""
+    """Planners by their median RMS error, those that broke a limit after all that kept them.
+
+    Of equals the one given first is first.
+    """
     return sorted(
         dict.fromkeys(row["planner"] for row in rows),
         key=lambda planner: (
@@ -109,9 +112,10 @@ def spread(values: Float[np.ndarray, " seeds"]) -> str:
 
 
 def compare_figure(rows: Rows, title: str = "") -> "Figure":
-    """Draw each mission as a dot, with median and quartiles per planner; an axis that spans more than a decade is logarithmic.
+    """Draw each mission as a dot, with median and quartiles per planner.
 
-    Planners that broke a limit come last, and they and the missions in which they did so are marked.
+    Planners that broke a limit come last, and they and the missions in which they did so are
+    marked. An axis that spans more than a decade is logarithmic.
     """
     from matplotlib.figure import Figure
 

@@ -1,4 +1,4 @@
-"""Errors of a run over time, against what the filter says of them, and how the limits on its separations were kept."""
+"""Errors of a run over time, against what the filter says of them, and separations with limits."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -97,15 +97,17 @@ def scale_errors(
 ) -> None:
     """Scale axes alike, to what matters once the first quarter of the mission is over.
 
-    That is every error, and what is stated of it but for its rare peaks. Where something is far beyond, as the first estimate may be, the
-    rest of the axes is logarithmic, and shaded: nothing is cut off.
+    That is every error, and what is stated of it but for its rare peaks. Where something is far
+    beyond, as the first estimate may be, the rest of the axes is logarithmic, and shaded: nothing
+    is cut off.
 
     Parameters
     ----------
     panels
         To be scaled.
     errors, stated
-        Magnitudes of the errors, and of what the filter or a bound says of them [m]; nan where there is none.
+        Magnitudes of the errors, and of what the filter or a bound says of them [m]; nan where
+        there is none.
     signed
         Whether errors go both ways.
     """

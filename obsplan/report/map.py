@@ -41,7 +41,7 @@ _ARROW: dict[str, Any] = {"ms": 7, "mfc": AID, "mec": "white", "mew": 0.4, "ls":
 
 
 def map_figure(run: Run) -> Figure:
-    """Draw surveys, true tracks, estimates with their 95 % ellipses, the aid vehicle's path and its limits, from above."""
+    """Draw from above: surveys, true tracks, estimates with ellipses, aid vehicle, limits."""
     low, high = extent(run)
     width, height = high - low
     inch = float(min(WIDE / width, HIGH / height))  # inches a metre
@@ -87,7 +87,8 @@ def heading(run: Run) -> list[tuple[str, str]]:
     broken = [limit for limit in run.limits if limit.broken.any()]
     if broken:
         worst = max(broken, key=lambda limit: limit.violation.max())
-        said = f"{limit_name(worst)} broken by {metres(worst.violation.max())} {after(run, worst.worst)}"
+        most, when = metres(float(worst.violation.max())), after(run, worst.worst)
+        said = f"{limit_name(worst)} broken by {most} {when}"
         others = f", and {len(broken) - 1} more" if len(broken) > 1 else ""
         lines.append((capital(said) + others, BROKEN))
     return lines
@@ -102,7 +103,8 @@ def degrees(value: float, positive: str, negative: str) -> str:
 def extent(run: Run) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]:
     """Lower left and upper right corner [m] of the map.
 
-    It holds all true tracks and surveys; estimates, ellipses and limits too, unless one of them would make the map more than twice as large.
+    It holds all true tracks and surveys; estimates, ellipses and limits too, unless one of them
+    would make the map more than twice as large.
     """
     tracks = [run.cna[:, :2], *run.truth[..., :2], *(r.polyline for r in run.scenario.references)]
     points = np.concatenate(tracks)
@@ -127,7 +129,7 @@ def off_the_map(run: Run, low: Float[np.ndarray, " 2"], high: Float[np.ndarray, 
 
 
 def _companions(run: Run) -> Iterator[tuple[str, Float[np.ndarray, "_ 2"]]]:
-    """What is on the map beside the tracks, with its outline [m], the most wanted first; finite points only."""
+    """What is on the map beside the tracks, with its outline [m], the most wanted first."""
     limits = run.scenario.constraints
     for k, area in enumerate(limits.keep_out, start=1):
         yield f"keep-out {k}", boundary(area)

@@ -1,4 +1,4 @@
-"""The limits of the aid vehicle on the map: where it had to stay out of, within, away from and near to."""
+"""The limits of the aid vehicle on the map, and where it broke them."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -43,7 +43,10 @@ def boundary(area: Disc | Polygon) -> Float[np.ndarray, "corners 2"]:
 
 
 def draw_limits(axes: Axes, run: Run) -> list[Line2D | Patch]:
-    """Draw keep-outs, geofence, binding separations and where any limit was broken; returns what the legend says of them."""
+    """Draw keep-outs, geofence, binding separations and where a limit was broken.
+
+    Returns what the legend says of them.
+    """
     limits = run.scenario.constraints
     handles: list[Line2D | Patch] = []
     for k, area in enumerate(limits.keep_out, start=1):
@@ -63,7 +66,7 @@ def draw_limits(axes: Axes, run: Run) -> list[Line2D | Patch]:
 
 
 def binding_separations(run: Run) -> list[LimitHistory]:
-    """Of the least and of the greatest separations the one that was broken most or came nearest to it, if it came near."""
+    """Of the least and of the greatest separations the most broken one, or the closest if close."""
     kinds: dict[str, list[LimitHistory]] = {}
     for limit in run.limits:
         if limit.auv is not None:
@@ -89,14 +92,14 @@ def _middle(area: Disc | Polygon) -> tuple[float, float]:
 
 
 def _draw_ring(axes: Axes, run: Run, limit: LimitHistory) -> None:
-    """A separation about the AUV at the instant that it was broken most or nearest to it, and a line to the aid vehicle."""
+    """The circle of a separation, and a line from its AUV to the aid vehicle."""
     line = np.stack([run.truth[limit.auv, limit.worst, :2], run.cna[limit.worst, :2]])
     axes.plot(*ring(run, limit).T, **_RING, zorder=6)
     axes.plot(*line.T, color=LIMIT, lw=0.7, marker="x", ms=5, zorder=6)
 
 
 def ring(run: Run, limit: LimitHistory) -> Float[np.ndarray, "corners 2"]:
-    """Circle [m] of a separation about its AUV at the instant that it was broken most or came nearest to that."""
+    """Circle [m] of a separation about its AUV when it was broken most, or closest to that."""
     x, y = run.truth[limit.auv, limit.worst, :2]
     return boundary(Disc(x=float(x), y=float(y), radius=limit.distance or 0.0))
 

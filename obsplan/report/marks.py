@@ -138,7 +138,10 @@ def _write(axes: Axes, label: Label, center: Float[np.ndarray, " 2"]) -> None:
 def candidate_boxes(
     at: Float[np.ndarray, " 2"], text: str
 ) -> tuple[Float[np.ndarray, "candidates 2 2"], Float[np.ndarray, " candidates"]]:
-    """Boxes (lower left, upper right) about a place where its label could be, and what being far costs; all in points."""
+    """Boxes (lower left, upper right) where a place's label could be, and what being far costs.
+
+    All are in points; a cost is in points of lines that are hidden.
+    """
     half = 0.5 * SIZE * np.array([LETTER * len(text), 1.0])
     boxes, cost = [], []
     for rank, distance in enumerate(DISTANCES):

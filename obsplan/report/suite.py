@@ -35,10 +35,12 @@ SHOWN_WORST = 5.0  # times the best, at which the figure's colours end
 class Suite:
     """What a campaign over planners and scenarios says.
 
-    ``cells`` has one row per scenario and planner: medians, the worst violation of any seed and whether it ``broke`` a limit, ``ratio`` to
-    the scenario's best median error, ``p`` of Wilcoxon's signed-rank test against that planner over paired seeds, ``ties`` whether it is
-    the best or not distinguishable from it, ``efficiency``. ``planners`` has one row per planner: ``wins``, ``ties``, mean and worst ratio,
-    decision time. The best is the lowest of those that kept all limits in the scenario; planners that broke one come last.
+    ``cells`` has one row per scenario and planner: medians, the worst violation of any seed and
+    whether it ``broke`` a limit, ``ratio`` to the scenario's best median error, ``p`` of Wilcoxon's
+    signed-rank test against that planner over paired seeds, ``ties`` whether it is the best or not
+    distinguishable from it, ``efficiency``. ``planners`` has one row per planner: ``wins``,
+    ``ties``, mean and worst ratio, decision time. The best is the lowest of those that kept all
+    limits in the scenario; planners that broke one come last.
     """
 
     cells: "pd.DataFrame"
@@ -107,7 +109,7 @@ def read_suite(
 
 
 def _best(flown: "pd.DataFrame") -> "pd.DataFrame":
-    """The lowest median error of each scenario among planners that kept its limits, or among all where none did."""
+    """The lowest median error of each scenario, of planners that kept its limits if any did."""
     order = flown.sort_values(["scenario", "broke", "rms_error_m"], kind="stable")
     return order.groupby("scenario").head(1).set_index("scenario")
 

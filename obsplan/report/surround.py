@@ -1,4 +1,4 @@
-"""What stands about a map: its heading, scale bar, north arrow and notes, none of it over the data."""
+"""What stands about a map, none of it over the data: heading, scale bar, north arrow, notes."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ LONGEST_BAR = 1.1  # [inch]
 
 
 def inches(axes: Axes, x: float, y: float) -> Transform:
-    """Inches from a place in the axes, (0, 0) their lower left and (1, 1) their upper right corner."""
+    """Inches from a place in the axes: (0, 0) is their lower left, (1, 1) their upper right."""
     scale = axes.figure.dpi_scale_trans  # pyright: ignore[reportOptionalMemberAccess]
     return scale + ScaledTranslation(x, y, axes.transAxes)
 

@@ -11,7 +11,7 @@ from obsplan.constraints import LimitHistory
 from obsplan.report.words import after, capital, clock, limit_name, metres, moment, percent
 from obsplan.run import Run
 
-TELLING = 4.0  # mean NEES, 2 if consistent: errors sqrt(2) times what the filter states, which a verdict must be able to tell
+TELLING = 4.0  # mean NEES, 2 if consistent, of errors sqrt(2) times too large: to be told apart
 INSIDE = 5.991  # NEES on the 95 % ellipse: chi-square with 2 degrees
 LOST = 5.0  # [σ] median error in the second half of the mission
 AGREE = 0.2  # of the median error: a distance so much smaller explains it
@@ -22,16 +22,18 @@ FARTHEST = 2500.0  # [m], reach of the acoustic modems in use
 def verdicts(run: Run) -> list[str]:
     """Say for each AUV how well it knows its position, whether its filter knows that, and whether it could be fooled.
 
-    A filter is ``overconfident`` or ``cautious`` where its mean NEES is above or below the 95 % chi-square interval of as many independent
-    errors as the run is worth (see `Run.independent_errors`), and consistent within it. Where even errors sqrt(2) times too large (a mean
-    NEES of 4) would be within it, that is too few to tell. Lost is a median error above 5σ in the second half of the mission.
+    A filter is ``overconfident`` or ``cautious`` where its mean NEES is above or below the 95 %
+    chi-square interval of as many independent errors as the run is worth, which
+    `Run.independent_errors` says, and consistent within it. Where even errors sqrt(2) times too large (a mean NEES of 4) would be
+    within it, too, they are too few to tell. Lost is a median error above 5σ in the second half of
+    the mission.
     """
     figures = run.summary()["auv"]
     return [sentence(run, i, figures[name]) for i, name in enumerate(run.names)]
 
 
 def limit_notes(run: Run) -> list[str]:
-    """Say of each limit that was broken by how much, when and where; if none was, how near the aid vehicle came to it."""
+    """Say of each limit broken by how much, when and where; if none was, which was the closest."""
     if not run.limits:
         return []
     broken = [limit for limit in run.limits if limit.broken.any()]
@@ -139,7 +141,7 @@ def _against_bound(figures: dict[str, Any]) -> str:
 
 
 def _consistency(nees: Float[np.ndarray, " samples"], mean: float | None, samples: float) -> str:
-    """Whether the filter's errors are what it says they are, as far as so many independent ones tell."""
+    """Whether errors are what the filter says, as far as so many independent ones tell."""
     if mean is None or not np.isfinite(samples):
         return ""
     low, high = mean_nees_interval(samples)

@@ -44,7 +44,7 @@ def percent(share: float) -> str:
 
 
 def title(name: str) -> str:
-    """A scenario's name as a title: hyphens between letters are blanks, and it begins with a capital."""
+    """A scenario's name as a title: blanks for hyphens beside letters, and a capital."""
     blanks = re.sub(r"(?<=[^\W\d_])[-_]+(?=\w)|(?<=\w)[-_]+(?=[^\W\d_])", " ", name)
     return capital(blanks)
 

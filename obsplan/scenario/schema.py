@@ -24,7 +24,7 @@ def sections() -> Iterator[tuple[str, list[Row]]]:
 
 
 def described(key: str) -> str:
-    """What a key such as ``cna.speed`` or ``auv.0.speed`` means, with its unit; empty if no table has it."""
+    """What a key such as ``auv.0.speed`` means, with its unit; empty if no table has it."""
     path, _, name = re.sub(r"\.\d+(?=\.|$)", "[]", key).rpartition(".")
     said = [
         description.partition(";")[0]
