@@ -49,7 +49,14 @@ def run(
     out: Out = None,
 ) -> None:
     """Simulate a survey: plan the aid vehicle's path, estimate, report, write files a vehicle can load."""
-    from obsplan.report import free_folder, planner_notes, run_table, verdicts, write_run
+    from obsplan.report import (
+        free_folder,
+        limit_notes,
+        planner_notes,
+        run_table,
+        verdicts,
+        write_run,
+    )
     from obsplan.scenario import load
     from obsplan.simulation import simulate
 
@@ -59,7 +66,7 @@ def run(
         flown = simulate(loaded, seed=seed, progress=advance)
     write_run(flown, folder)
     show(run_table(flown))
-    for sentence in (*verdicts(flown), *planner_notes(flown)):
+    for sentence in (*verdicts(flown), *limit_notes(flown), *planner_notes(flown)):
         say(sentence)
     say(
         f"Written to {folder}{'' if folder.is_absolute() else '/'}: map.png, errors.png, path.waypoints, path.geojson, tracks.csv and more."
@@ -83,6 +90,7 @@ def compare(
     """Compare planners on one scenario under the same noise, or on the whole `suite` of them."""
     from obsplan.planners import PLANNERS, SLOW
     from obsplan.report import compare_table, free_folder, write_comparison
+    from obsplan.report.words import title
     from obsplan.scenario import load
     from obsplan.simulation import simulate
 
@@ -104,7 +112,7 @@ def compare(
                     {"planner": name, "seed": number, **simulate(one, seed=number).summary()["all"]}
                 )
                 advance(len(rows), runs * len(loaded))
-    write_comparison(rows, folder, title=f"{table.name}, {runs} runs each")
+    write_comparison(rows, folder, title=f"{title(table.name)}, {runs} run{'s' * (runs > 1)} each")
     show(compare_table(rows))
     say(f"Written to {folder}{'' if folder.is_absolute() else '/'}: compare.csv, compare.png.")
 

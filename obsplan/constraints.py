@@ -1,12 +1,12 @@
 """Where the aid vehicle may be: keep-outs, a geofence, and its distance from the AUVs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from formulations.manoeuvre_search import arcs
 from obsplan.types import Points, as_points
@@ -81,6 +81,29 @@ class Polygon:
         )
 
 
+ROUNDING = 1e-3  # [m]: a limit overstepped by less is kept
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitHistory:
+    """How one limit was kept, or broken, along a path."""
+
+    name: str  # as people say it: keep-out 2, the geofence, least separation from auv-1
+    violation: Float[np.ndarray, " samples"]  # how far [m] it is broken; at most 0 where it is kept
+    auv: int | None = None  # whose separation it limits; None of a keep-out or the geofence
+    distance: float | None = None  # the least or greatest separation [m]
+
+    @property
+    def worst(self) -> int:
+        """Sample at which it is broken most, or comes nearest to being broken."""
+        return int(np.argmax(self.violation))
+
+    @property
+    def broken(self) -> Bool[np.ndarray, " samples"]:
+        """Where it is broken, by more than rounding."""
+        return self.violation > ROUNDING
+
+
 @dataclass(frozen=True, kw_only=True)
 class Constraints:
     """Limits on the aid vehicle's position; all distances in metres.
@@ -111,13 +134,61 @@ class Constraints:
     ) -> Float[np.ndarray, "*batch"]:
         """How far [m] positions are inside a keep-out or outside the geofence; at most 0 where they are right, -inf without either."""
         worst = np.full(positions.shape[:-1], -np.inf)
-        for area in self.keep_out:
-            worst = np.maximum(worst, -area.signed_distance(positions))
-        return (
-            worst
-            if self.geofence is None
-            else np.maximum(worst, self.geofence.signed_distance(positions))
-        )
+        for violation in self._fixed_violations(positions):
+            worst = np.maximum(worst, violation)
+        return worst
+
+    def _fixed_violations(
+        self, positions: Float[np.ndarray, "*batch 2"]
+    ) -> list[Float[np.ndarray, "*batch"]]:
+        """How far [m] positions are inside each keep-out and, last, outside the geofence."""
+        inside = [-area.signed_distance(positions) for area in self.keep_out]
+        if self.geofence is None:
+            return inside
+        return [*inside, self.geofence.signed_distance(positions)]
+
+    def histories(
+        self,
+        path: Float[np.ndarray, "samples 2"],
+        separation: Float[np.ndarray, "auvs samples"],
+        names: Sequence[str],
+    ) -> tuple[LimitHistory, ...]:
+        """How each limit by itself is kept along a path.
+
+        Parameters
+        ----------
+        path
+            Positions of the aid vehicle [m].
+        separation
+            Its distance from each AUV [m].
+        names
+            Of the AUVs.
+        """
+        labels = [f"keep-out {k}" for k in range(1, len(self.keep_out) + 1)]
+        if self.geofence is not None:
+            labels.append("the geofence")
+        told = [
+            LimitHistory(name=name, violation=violation)
+            for name, violation in zip(labels, self._fixed_violations(path), strict=True)
+        ]
+        for i, name in enumerate(names):
+            if self.min_separation > 0:
+                least = LimitHistory(
+                    name=f"least separation from {name}",
+                    violation=self.min_separation - separation[i],
+                    auv=i,
+                    distance=self.min_separation,
+                )
+                told.append(least)
+            if np.isfinite(self.max_separation):
+                greatest = LimitHistory(
+                    name=f"greatest separation from {name}",
+                    violation=separation[i] - self.max_separation,
+                    auv=i,
+                    distance=self.max_separation,
+                )
+                told.append(greatest)
+        return tuple(told)
 
     def separation_violation(
         self,

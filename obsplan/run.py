@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
+from formulations.consistency import effective_samples
 from formulations.information import (
     InformationBound,
     information_bound,
@@ -17,6 +18,7 @@ from formulations.information import (
     squared_range_information,
 )
 from formulations.solution import Status
+from obsplan.constraints import LimitHistory
 from obsplan.estimators.jacobian import transitions
 from obsplan.planners import name_of
 from obsplan.scenario import Scenario
@@ -112,18 +114,34 @@ class Run:
         return np.where(regular, weighed / np.where(regular, determinant, 1.0), np.nan)
 
     @cached_property
+    def independent_errors(self) -> Float[np.ndarray, " auvs"]:
+        """How many independent errors each AUV's mean NEES is worth (see `effective_samples`)."""
+        dt, model = self.scenario.table.time_step, self.scenario.auv_model
+        counts = [
+            effective_samples(P, transitions(model, mean[:-1], dt), Q)
+            for P, mean, Q in zip(self.covariance, self.mean, self._process_covariance, strict=True)
+        ]
+        return np.array(counts)
+
+    @cached_property
     def separation(self) -> Float[np.ndarray, "auvs samples"]:
         """True horizontal distance between the aid vehicle and each AUV [m]."""
         return np.hypot(*np.moveaxis(self.truth[..., :2] - self.cna[:, :2], -1, 0))
 
     @cached_property
+    def limits(self) -> tuple[LimitHistory, ...]:
+        """How each of the scenario's limits was kept, at the sample instants."""
+        path = np.ascontiguousarray(self.cna[:, :2])
+        return self.scenario.constraints.histories(path, self.separation, self.names)
+
+    @cached_property
     def violation(self) -> Float[np.ndarray, "auvs samples"]:
         """How far [m] the aid vehicle breaks the scenario's limits with respect to each AUV; at most 0 where it keeps them."""
-        limits = self.scenario.constraints
-        apart = np.maximum(
-            limits.min_separation - self.separation, self.separation - limits.max_separation
-        )
-        return np.maximum(apart, limits.fixed_violation(np.ascontiguousarray(self.cna[:, :2])))
+        worst = np.full(self.separation.shape, -np.inf)
+        for limit in self.limits:
+            rows = slice(None) if limit.auv is None else limit.auv
+            worst[rows] = np.maximum(worst[rows], limit.violation)
+        return worst
 
     @cached_property
     def cramer_rao(self) -> Float[np.ndarray, "auvs samples 4 4"]:

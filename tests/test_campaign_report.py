@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from campaigns import DIVERGES, finish, start, write_scenario
 from matplotlib import image
+from matplotlib.colors import same_color, to_hex
 from scipy import stats
 
 from obsplan.campaign.statistics import (
@@ -24,24 +25,32 @@ from obsplan.report import campaign as module
 from obsplan.report import campaign_table, write_campaign_report
 from obsplan.report.campaign import figures, sentences
 from obsplan.report.campaign_figures import key_figure, map_figure, planners_figure
+from obsplan.report.style import MARKERS
 from obsplan.types import ObsplanError
 
 
-def table_of(errors, keys=()):
-    """A campaign's table from {(scenario, planner, value of each key): errors by seed}; nan is a failure."""
+def table_of(errors, keys=(), violations=None):
+    """A campaign's table from {(scenario, planner, value of each key): errors by seed}; nan is a failure.
+
+    ``violations`` are of the same form; without them there are no limits.
+    """
     rows = [
         [
             *labels,
             seed,
             "failed" if math.isnan(error) else "done",
             None,
-            *[error] * len(FIGURES),
+            *[error] * (len(FIGURES) - 1),
+            violation,
             "{}",
             "{}",
         ]
         for labels, values in errors.items()
-        for seed, error in enumerate(values)
+        for seed, (error, violation) in enumerate(
+            zip(values, (violations or {}).get(labels, [math.nan] * len(values)), strict=True)
+        )
     ]
+    assert FIGURES[-1] == "violation_max_m"
     return pd.DataFrame(
         rows,
         columns=[
@@ -228,13 +237,121 @@ def test_lone_planner_is_compared_with_none(grid):
     assert sentences(medians(alone), paired(alone)) == []
 
 
+def curves(panel):
+    """Lines of a panel by their colours; symbols are single points."""
+    return {
+        to_hex(line.get_color()): line.get_xydata()
+        for line in panel.lines
+        if line.get_linestyle() == "-"
+    }
+
+
 def test_lines_are_the_medians_against_the_key(grid):
-    (panel,) = key_figure(grid, "ranging.sigma", ["cna.speed"]).axes
-    for line, planner in zip(panel.lines, ("circle", "gramian"), strict=True):
-        assert line.get_label() == planner
+    figure = key_figure(grid, "ranging.sigma", ["cna.speed"])
+    (panel,) = figure.axes
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert names == ["circle", "gramian"]
+    for handle, planner in zip(figure.legends[0].legend_handles, names, strict=True):
         expected = grid[grid["planner"] == planner].groupby("ranging.sigma")["rms_error_m"].median()
-        np.testing.assert_array_equal(line.get_xdata(), [1.0, 2.0, 4.0])
-        np.testing.assert_allclose(line.get_ydata(), expected)
+        curve = curves(panel)[to_hex(handle.get_color())]
+        np.testing.assert_array_equal(curve[:, 0], [1.0, 2.0, 4.0])
+        np.testing.assert_allclose(curve[:, 1], expected)
+
+
+def test_legend_of_a_campaign_is_beside_its_panels(grid):
+    figure = key_figure(grid, "ranging.sigma", ["cna.speed"])
+    figure.draw_without_rendering()
+    right = max(axes.get_window_extent().x1 for axes in figure.axes)
+    assert figure.legends[0].get_window_extent().x0 >= right
+
+
+@pytest.mark.parametrize(
+    ("key", "values", "said"),
+    [
+        ("cna.speed", [1.0, 2.0], "cna.speed: cruising speed [m/s]"),
+        ("auv.0.speed", [1.0, 2.0], "auv.0.speed: speed through the water [m/s]"),
+        ("duration", [60.0, 90.0], "duration: of the mission [s]"),
+        ("auv.1.weight", [1.0, 2.0], "auv.1.weight: weight in the planner's objective [-]"),
+        ("planner.hold", [1.0, 2.0], "planner.hold: time a turn is held [s]"),
+        ("planner.mine", [1.0, 2.0], "planner.mine [-]"),
+        ("ranging.kind", ["a", "b"], "ranging.kind: what is measured with Gaussian error"),
+    ],
+)
+def test_varied_keys_are_axes_with_their_meaning_and_unit(key, values, said):
+    errors = {("pond", "circle", value): [1.0, 2.0] for value in values}
+    table = table_of(errors, keys=(key,))
+    (panel,) = key_figure(table, key).axes
+    assert panel.get_xlabel() == said
+    two = table.assign(other=0.5).rename(columns={"other": "cna.speed2"})
+    columns = list(table.columns)
+    two = two[[*columns[:3], "cna.speed2", *columns[3:]]]
+    panel = map_figure(two, (key, "cna.speed2")).axes[0]
+    assert panel.get_xlabel() == said
+    assert panel.get_ylabel() == "cna.speed2 [-]"
+
+
+# --- limits ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def trespass():
+    """Circle has the lowest error and breaks a limit at the greater sigma; gramian keeps them."""
+    errors = {
+        ("pond", planner, sigma): [base + 0.01 * k for k in range(8)]
+        for planner, base in (("circle", 1.0), ("gramian", 2.0))
+        for sigma in (1.0, 2.0)
+    }
+    violations = {labels: [-1.0 - k for k in range(8)] for labels in errors}
+    violations["pond", "circle", 2.0] = [-1.0] * 5 + [0.25, 3.5, 0.0004]
+    return table_of(errors, keys=("ranging.sigma",), violations=violations)
+
+
+def test_medians_count_missions_that_broke_a_limit_and_tell_the_worst(trespass):
+    found = medians(trespass).set_index(["planner", "ranging.sigma"])
+    assert found.loc[("circle", 2.0), ["violated", "violation_worst_m"]].tolist() == [2, 3.5]
+    assert found.loc[("circle", 1.0), ["violated", "violation_worst_m"]].tolist() == [0, -1.0]
+    free = medians(table_of({("pond", "circle"): [1.0, 2.0]}))
+    assert free["violated"].tolist() == [0]
+    assert free["violation_worst_m"].isna().all()
+
+
+def test_planner_that_breaks_a_limit_is_named_beside_the_leader(trespass):
+    told = sentences(medians(trespass), paired(trespass))
+    assert "circle broke a limit in 2 of 16 missions, by up to 3.50 m." in told
+    assert not any("gramian broke" in one for one in told)
+
+
+def test_table_on_the_terminal_has_a_column_of_limits_where_there_are_any(trespass, grid):
+    columns = {c.header.plain: list(c.cells) for c in campaign_table(medians(trespass)).columns}
+    assert columns["Limit broken by [m]"] == ["kept", "3.50 (in 2)", "kept", "kept"]
+    assert not any("Limit" in c.header.plain for c in campaign_table(medians(grid)).columns)
+
+
+def opened(panel):
+    """Places of open symbols."""
+    return sorted(
+        float(line.get_xdata()[0])
+        for line in panel.lines
+        if line.get_marker() not in ("", "None", None) and same_color(line.get_mfc(), "white")
+    )
+
+
+def test_figures_mark_who_broke_a_limit_and_where(trespass, grid):
+    figure = planners_figure(trespass)
+    (panel,) = figure.axes
+    assert [t.get_text() for t in panel.get_yticklabels()] == ["circle †", "gramian"]
+    assert len(opened(panel)) == 1
+    assert "†: broke a limit" in figure.get_supxlabel()
+    figure = key_figure(trespass, "ranging.sigma")
+    assert opened(figure.axes[0]) == [2.0]
+    assert [t.get_text() for t in figure.legends[0].get_texts()] == ["circle †", "gramian"]
+    assert "†" not in planners_figure(grid).get_supxlabel()
+    columns = list(trespass.columns)
+    two = trespass.assign(**{"cna.speed": 1.0})[[*columns[:3], "cna.speed", *columns[3:]]]
+    circle, gramian = map_figure(two, ("ranging.sigma", "cna.speed")).axes[:2]
+    assert circle.get_title() == "circle †"
+    assert [text.get_text().endswith("†") for text in circle.texts] == [False, True]
+    assert not any("†" in text.get_text() for text in gramian.texts)
 
 
 def test_words_are_an_axis_too():
@@ -264,10 +381,14 @@ def test_maps_have_a_field_per_setting_on_one_scale(grid):
 
 
 def test_planners_keep_their_colours_from_figure_to_figure(grid):
-    dots = [
-        line.get_color() for line in planners_figure(grid).axes[0].lines if line.get_marker() == "o"
-    ]
-    assert dots == [line.get_color() for line in key_figure(grid, "cna.speed").axes[0].lines]
+    dots = {
+        to_hex(line.get_mfc())
+        for line in planners_figure(grid).axes[0].lines
+        if line.get_marker() in MARKERS
+    }
+    assert dots == set(curves(key_figure(grid, "cna.speed").axes[0]))
+    alone = grid[grid["planner"] == "gramian"]
+    assert set(curves(key_figure(alone, "cna.speed").axes[0])) < dots
 
 
 def test_figures_are_those_the_table_can_fill(grid):

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from matplotlib.colors import to_hex
+from matplotlib.colors import same_color, to_hex
 from scipy.stats import chi2
 
+from obsplan.planners import PLANNERS
 from obsplan.report import compare_figure, errors_figure, map_figure
-from obsplan.report.errors import NEES_BAND
+from obsplan.report.errors import BEYOND, NEES_BAND
 from obsplan.report.map import apart, ellipses, extent
-from obsplan.report.style import COLOURS, MOST_POINTS, outline, png
+from obsplan.report.style import BROKEN, COLOURS, MOST_POINTS, outline, planner_style, png
 from obsplan.simulation import simulate
 
 
@@ -41,7 +42,7 @@ def holds(axes, points):
 
 def texts(figure):
     """Everything a figure says in words."""
-    said = [figure.get_suptitle()]
+    said = [figure.get_suptitle(), figure.get_supxlabel()]
     for axes in figure.axes:
         said += [axes.get_xlabel(), axes.get_ylabel(), axes.get_title(loc="left"), axes.get_title()]
         said += [
@@ -67,7 +68,7 @@ def test_map_shows_every_track_to_scale_inside_its_frame(formation):
     said = " ".join(texts(figure))
     for word in (
         "[m]",
-        "fixed-formation",
+        "Fixed formation",
         "path-inertia",
         f"{formation.rms_error:.2f} m",
         "95 % ellipse",
@@ -217,12 +218,197 @@ def test_colours_are_eight_and_dark_enough_for_white_paper():
     assert contrast.min() > 2.0
 
 
+# --- scale and limits of errors -------------------------------------------------------------------
+
+
+def test_panels_are_named_by_the_direction_they_show(formation):
+    for axes in errors_figure(formation).axes[:9]:
+        name, _, what = axes.get_title().partition(": ")
+        i = formation.names.index(name)
+        d = formation.mean[i, :, :2] - formation.truth[i, :, :2]
+        shown = {
+            "east error": d @ [1.0, 0.0],
+            "north error": d @ [0.0, 1.0],
+            "distance from the truth": np.sqrt(d[:, 0] ** 2 + d[:, 1] ** 2),
+        }[what]
+        (line,) = [line for line in axes.lines if same_color(line.get_color(), COLOURS[i])]
+        np.testing.assert_allclose(line.get_ydata(), shown, atol=1e-12)
+        direction = what.split()[0].capitalize()
+        expected = "Error [m]" if direction == "Distance" else f"{direction} error [m]"
+        assert axes.get_ylabel() == expected
+
+
+@pytest.fixture
+def unsure(formation):
+    """A first estimate 40 m off and unsure by 60 m for the first tenth, then errors of centimetres."""
+    mean, covariance = formation.truth.copy(), formation.covariance.copy()
+    k = np.arange(formation.time.size)
+    late = 0.05 * np.sin(0.1 * k)
+    mean[..., 0] += np.where(k < 60, 40.0, late)
+    mean[..., 1] += np.where(k < 60, -30.0, -late)
+    covariance[..., :2, :2] = np.where(k < 60, 400.0, 0.0025)[:, None, None] * np.eye(2)
+    return replace(formation, mean=mean, covariance=covariance)
+
+
+def test_a_bad_start_neither_flattens_the_rest_nor_is_cut_off(unsure):
+    figure = errors_figure(unsure)
+    figure.draw_without_rendering()
+    for axes in figure.axes[:2]:
+        low, high = axes.get_ylim()
+        assert low < -60.0
+        assert high > 60.0  # three standard deviations of the start
+        span = axes.get_window_extent()
+        zero, settled = axes.transData.transform([[0.0, 0.0], [0.0, 0.15]])[:, 1]
+        assert settled - zero > 0.2 * span.height  # three standard deviations of the rest
+        shaded = [p for p in axes.patches if same_color(p.get_facecolor(), BEYOND)]
+        assert {tuple(sorted(p.get_extents().intervaly.round(6))) for p in shaded} == {
+            tuple(sorted(interval))
+            for interval in (
+                span_of(axes, axes.yaxis.get_transform().linthresh, high),
+                span_of(axes, low, -axes.yaxis.get_transform().linthresh),
+            )
+        }
+    assert any("logarithmic" in text.get_text() for text in figure.legends[0].get_texts())
+
+
+def span_of(axes, low, high):
+    """Heights [pixels] of two values."""
+    return tuple(axes.transData.transform([[0.0, low], [0.0, high]])[:, 1].round(6))
+
+
+def test_errors_that_settle_at_what_they_begin_with_are_on_a_linear_axis(formation):
+    steady = replace(
+        formation,
+        mean=formation.truth + np.array([0.3, 0.2, 0.0, 0.0]),
+        covariance=np.broadcast_to(np.eye(4), formation.covariance.shape).copy(),
+    )
+    scales = [axes.get_yscale() for axes in errors_figure(steady).axes[:9]]
+    assert scales[0::3] == scales[1::3] == ["linear"] * 3
+
+
+def test_late_loss_is_in_the_linear_part(formation):
+    """What comes late sets the scale: a filter that diverges is seen to."""
+    lost = formation.truth.copy()
+    lost[..., 0] += np.linspace(0.0, 300.0, formation.time.size)
+    axes = errors_figure(replace(formation, mean=lost)).axes[0]
+    assert axes.get_yscale() == "linear"
+    assert axes.get_ylim()[1] > 300
+
+
+def test_separations_are_shown_with_their_limits_and_where_they_are_broken(formation):
+    least, greatest = (float(np.quantile(formation.separation, q)) for q in (0.1, 0.9))
+    limited = formation.scenario.table.constraints.model_copy(
+        update={"min_separation": least, "max_separation": greatest}
+    )
+    table = formation.scenario.table.model_copy(update={"constraints": limited})
+    run = replace(formation, scenario=replace(formation.scenario, table=table))
+    figure = errors_figure(run)
+    (axes,) = [a for a in figure.axes if a.get_ylabel() == "Separation [m]"]
+    across = {line.get_ydata()[0] for line in axes.lines if len(line.get_xdata()) == 2}
+    assert across == {least, greatest}
+    for i in range(3):
+        apart = np.hypot(*(run.truth[i, :, :2] - run.cna[:, :2]).T)
+        outside = (apart < least - 1e-3) | (apart > greatest + 1e-3)
+        marked = np.zeros(run.time.size, dtype=bool)
+        for line in axes.lines:
+            if same_color(line.get_color(), BROKEN):
+                y = line.get_ydata()
+                marked |= np.isfinite(y) & (np.abs(y - apart) < 1e-12)
+        assert outside.any()
+        np.testing.assert_array_equal(marked, outside)
+    said = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert f"separation limits: least {least:g} m, greatest {greatest:g} m" in said
+    assert "limit broken" in said
+
+
+def test_limits_that_no_separation_came_near_are_not_drawn(formation):
+    limited = formation.scenario.table.constraints.model_copy(update={"max_separation": 9999.0})
+    table = formation.scenario.table.model_copy(update={"constraints": limited})
+    figure = errors_figure(replace(formation, scenario=replace(formation.scenario, table=table)))
+    (axes,) = [a for a in figure.axes if a.get_ylabel() == "Separation [m]"]
+    assert axes.get_ylim()[1] < 100
+    assert not any("limit" in text.get_text() for text in figure.legends[0].get_texts())
+
+
+def test_legend_of_errors_hides_no_panel(formation):
+    figure = errors_figure(formation)
+    figure.draw_without_rendering()
+    legend = figure.legends[0].get_window_extent()
+    for axes in figure.axes:
+        assert axes.get_legend() is None
+        assert axes.get_window_extent().y0 > legend.y1
+
+
+def test_every_axis_has_a_unit(formation, anchored):
+    for figure in (errors_figure(formation), errors_figure(anchored), map_figure(anchored)):
+        for axes in figure.axes:
+            assert "[" in axes.get_ylabel()
+        for axes in figure.axes[-2:]:
+            assert "[" in axes.get_xlabel()
+
+
+# --- comparison -----------------------------------------------------------------------------------
+
+
 def rows(**figures):
     return [
         {"planner": p, "seed": s, "rms_error_m": v, "max_error_m": 2 * v, "separation_mean_m": 5.0}
         for p, values in figures.items()
         for s, v in enumerate(values)
     ]
+
+
+def judged(violations, **figures):
+    """Rows of a scenario with limits: violation by planner, the same in every mission."""
+    return [
+        row | {"violation_max_m": v} for row, v in zip(rows(**figures), violations, strict=True)
+    ]
+
+
+def test_planner_that_breaks_a_limit_comes_last_and_is_marked_as_are_its_missions():
+    figure = compare_figure(
+        judged([-3.0, -1.0, 2.5, -4.0], good=[3.0, 4.0], trail=[1.0, 2.0]), "Pond"
+    )
+    first, *_, last = figure.axes
+    assert [label.get_text() for label in first.get_yticklabels()] == ["good", "trail †"]
+    assert same_color(first.get_yticklabels()[1].get_color(), BROKEN)
+    assert last.get_xlabel() == "Limit broken by [m]"
+    dots = {
+        float(x): same_color(line.get_mfc(), "white")
+        for line in first.lines
+        if line.get_linestyle() == "None" and line.get_marker() != "|"
+        for x in line.get_xdata()
+    }
+    assert dots == {3.0: False, 4.0: False, 1.0: True, 2.0: False}
+    broken = [x for line in last.lines if line.get_marker() == "o" for x in line.get_xdata()]
+    assert sorted(broken) == [0.0, 2.5]
+    diamonds = [x for line in last.lines if line.get_marker() == "D" for x in line.get_xdata()]
+    assert diamonds == [0.0, 0.0]
+    assert "Open dot, †: broke a limit." in " ".join(texts(figure))
+
+
+def test_comparison_without_limits_speaks_of_none():
+    figure = compare_figure(rows(one=[1.0], two=[2.0]))
+    assert len(figure.axes) == 3
+    assert not any("limit" in text or "†" in text for text in texts(figure))
+
+
+def test_planner_has_the_same_colour_whoever_it_is_compared_with():
+    def colours(**figures):
+        axes = compare_figure(rows(**figures)).axes[0]
+        names = [label.get_text() for label in axes.get_yticklabels()]
+        return dict(zip(names, [to_hex(line.get_mfc()) for line in axes.lines], strict=True))
+
+    alone = colours(circle=[1.0])
+    among = colours(circle=[3.0], trail=[2.0], mine=[1.0])
+    assert among["circle"] == alone["circle"]
+    assert len(set(among.values())) == 3
+
+
+def test_every_planner_looks_different():
+    assert len({planner_style(name) for name in PLANNERS}) == len(PLANNERS)
+    assert planner_style("my-own") == planner_style("my-own")
+    assert planner_style("my-own")[1] not in {planner_style(name)[1] for name in PLANNERS}
 
 
 def test_comparison_draws_every_mission_with_median_and_quartiles_the_best_first():
@@ -235,7 +421,8 @@ def test_comparison_draws_every_mission_with_median_and_quartiles_the_best_first
         bar[:, 0], [1.75, 4.5]
     )  # by linear interpolation between the sorted values
     assert median[0, 0] == 2.5
-    assert "title;  dot: one mission; bar: median and quartiles" in texts(figure)
+    assert figure.get_suptitle() == "title"
+    assert figure.get_supxlabel() == "Dot: one mission; bar: median and quartiles."
 
 
 @pytest.mark.parametrize(

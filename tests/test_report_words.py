@@ -8,8 +8,10 @@ from rich.console import Console
 from scipy.stats import chi2
 
 from formulations.solution import Status
-from obsplan.report import compare_table, planner_notes, run_table, verdicts
+from obsplan.report import compare_table, limit_notes, planner_notes, run_table, verdicts
 from obsplan.report.verdict import INSIDE, mirror, sentence
+from obsplan.report.words import title
+from obsplan.scenario import from_dict
 from obsplan.simulation import simulate
 
 FIGURES = {
@@ -68,22 +70,100 @@ def test_95_percent_ellipse_is_that_of_chi_square():
     assert chi2.cdf(INSIDE, 2) == pytest.approx(0.95, abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("nees", "word"),
-    [(0.4, "cautious"), (0.6, "consistent"), (3.9, "consistent"), (4.1, "overconfident")],
-)
-def test_filter_is_judged_by_its_mean_nees(run, nees, word):
-    assert f"filter {word} (NEES {nees} where 2 is expected, inside its 95 % ellipse" in said(
-        run, mean_nees=nees
-    )
+def judged(run, nees, samples):
+    """The sentence on a filter of that mean NEES, in a run worth so many independent errors."""
+    worth = replace(run)
+    worth.__dict__["independent_errors"] = np.array([samples])
+    return said(worth, mean_nees=nees)
 
 
-def test_share_of_time_inside_the_ellipse_is_counted(run):
+@pytest.mark.parametrize("samples", [6.0, 12.5, 40.0, 400.0])
+def test_filter_is_judged_by_the_chi_square_interval_of_its_independent_errors(run, samples):
+    low, high = (chi2.ppf(q, 2 * samples) / samples for q in (0.025, 0.975))
+    for nees, word in (
+        (0.99 * low, "cautious"),
+        (1.01 * low, "consistent"),
+        (0.99 * high, "consistent"),
+        (1.01 * high, "overconfident"),
+    ):
+        sentence_ = judged(run, nees, samples)
+        assert f"filter {word} (NEES {nees:.3g}; chance allows {low:.1f} to {high:.1f}" in sentence_
+        assert f"for about {samples:.0f} independent errors" in sentence_
+
+
+@pytest.mark.parametrize("samples", [1.0, 3.0, 4.5])
+def test_too_few_independent_errors_are_no_evidence_unless_they_are_extreme(run, samples):
+    assert "whether its filter is consistent cannot be told" in judged(run, 2.0, samples)
+    assert "filter overconfident" in judged(run, 50.0, samples)
+    assert "filter cautious" in judged(run, 0.001, samples)
+    one = judged(run, 2.0, 1.0)
+    assert "(NEES 2 of about 1 independent error)" in one
+
+
+def test_run_that_is_said_to_be_consistent_is_never_said_to_be_seldom_inside_its_ellipse(run):
     error = np.zeros((201, 2))
     error[:50, 0] = 3.0  # of 201; beyond sqrt(5.991) = 2.45 σ
-    assert "inside its 95 % ellipse 75 % of the time" in said(
-        estimated(run, run.truth[0, :, :2] + error, 1.0)
+    odd = estimated(run, run.truth[0, :, :2] + error, 1.0)
+    assert "inside its 95 % ellipse 75 % of the time" in judged(odd, 9.0, 20.0)
+    assert "ellipse" not in judged(odd, 2.0, 20.0)
+
+
+def test_independent_errors_of_a_run_are_fewer_than_its_ranges():
+    slow = simulate("survey-slow", planner="circle", seed=3)
+    assert 1 <= slow.independent_errors[0] < np.isfinite(slow.range).sum()
+
+
+# --- limits --------------------------------------------------------------------------------------
+
+
+def limited(run, **limits):
+    """The run under limits that nobody kept it within."""
+    table = run.scenario.table
+    data = table.model_dump(mode="json", exclude_none=True) | {"constraints": limits}
+    return replace(run, scenario=from_dict(data))
+
+
+def test_every_limit_broken_is_told_by_its_name_with_how_much_when_and_where(run):
+    """The aid vehicle circles (0, 0) at a distance of 1 m, from (1, 0) on."""
+    circled = limited(
+        run,
+        keep_out=[{"x": 50.0, "y": 0.0, "radius": 1.0}, {"x": 0.0, "y": 1.25, "radius": 0.5}],
+        geofence=[[-0.75, -5.0], [5.0, -5.0], [5.0, 5.0], [-0.75, 5.0]],
+        min_separation=1.5,
+        max_separation=2.0,
     )
+    inside, outside, near = limit_notes(circled)
+    k = int(np.argmin(np.hypot(run.cna[:, 0], run.cna[:, 1] - 1.25)))
+    assert inside.startswith("Keep-out 2 was broken by up to 0.25 m after ")
+    assert f"(aid vehicle at east {run.cna[k, 0]:.1f} m, north 1.0 m)" in inside
+    assert f" {run.time[k]:.0f} s " in inside
+    held = np.hypot(run.cna[:, 0], run.cna[:, 1] - 1.25) < 0.5
+    assert inside.endswith(f", for {0.1 * held.sum():.0f} s in all.")
+    assert outside.startswith("The geofence was broken by up to 0.25 m after ")
+    assert "(aid vehicle at east -1.0 m, north " in outside
+    assert near.startswith("Least separation from alpha (1.5 m) was broken by up to 0.50 m ")
+    assert near.endswith(", for 20 s in all.")
+
+
+def test_greatest_separation_is_told(run):
+    (far,) = limit_notes(limited(run, max_separation=0.75))
+    assert far.startswith("Greatest separation from alpha (0.75 m) was broken by up to 0.25 m ")
+
+
+def test_limits_that_were_kept_are_told_with_the_closest(run):
+    kept = limited(
+        run, keep_out=[{"x": 0.0, "y": 4.0, "radius": 1.0}], max_separation=9.0, min_separation=0.5
+    )
+    (told,) = limit_notes(kept)
+    assert told.startswith(
+        "No limit was broken; the closest was least separation from alpha (0.5 m), with 0.50 m to spare "
+    )
+    (told,) = limit_notes(limited(run, keep_out=[{"x": 0.0, "y": 2.25, "radius": 1.0}]))
+    assert "the closest was keep-out 1, with 0.25 m to spare after " in told
+
+
+def test_what_has_no_limits_has_no_word_about_them(run):
+    assert limit_notes(run) == []
 
 
 def test_singular_covariance_has_no_verdict_on_the_filter(run):
@@ -232,6 +312,46 @@ def test_table_of_one_auv_has_no_row_of_all_and_a_dash_for_what_is_unknown(run):
     text = shown(run_table(estimated(run, [1.0, 0.0], 0.0)))
     assert " all " not in text
     assert "–" in text
+
+
+def cells(text):
+    return [[c.strip() for c in line.split("│")[1:-1]] for line in text.splitlines() if "│" in line]
+
+
+def test_table_says_by_how_much_limits_were_broken_and_where_they_were_kept(run):
+    assert "broken" not in shown(run_table(run))
+    text = shown(run_table(limited(run, min_separation=1.25)))
+    assert "Limit broken by [m]" in text
+    assert cells(text)[-1][-1] == "0.25"
+    assert cells(shown(run_table(limited(run, min_separation=0.5))))[-1][-1] == "kept"
+
+
+def test_comparison_lists_planners_that_broke_a_limit_last_and_says_how_often():
+    violations = {"trail": [2.5, -1.0, 0.5, -9.0], "circle": [-1.0, -2.0, -0.5, 0.0005]}
+    rows = [
+        {"planner": p, "seed": s, "rms_error_m": 1.0 + (p == "circle"), "max_error_m": 3.0}
+        | {"separation_mean_m": 9.0, "violation_max_m": v}
+        for p, values in violations.items()
+        for s, v in enumerate(values)
+    ]
+    listed = cells(shown(compare_table(rows)))
+    assert [row[0] for row in listed] == ["circle", "trail"]
+    assert [row[-1] for row in listed] == ["kept", "2.50 (in 2 of 4)"]  # half a millimetre is none
+    single = cells(shown(compare_table(rows[::4])))
+    assert [row[-1] for row in single] == ["kept", "2.50"]
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("harbor-survey", "Harbor survey"),
+        ("lake_2024-05-01", "Lake 2024-05-01"),
+        ("M3000-run-2", "M3000 run 2"),
+        ("AUV", "AUV"),
+    ],
+)
+def test_names_of_files_become_titles(name, said):
+    assert title(name) == said
 
 
 ROWS = [

@@ -126,6 +126,34 @@ def test_worst_violation_of_any_seed_is_told(two):
     }
 
 
+def test_planner_that_breaks_a_limit_does_not_win_there_and_is_marked(two):
+    """Good is twice as good in a, but enters a keep-out there; in b nothing is broken."""
+    broken = two.assign(violation_max_m=[*np.linspace(-5.0, 0.7, 20), *[-1.0] * 60])
+    result = read_suite(broken, {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0})
+    planners = result.planners.set_index("planner")
+    assert list(planners.index) == ["bad", "good"]
+    assert planners.loc["bad", "wins"] == 2
+    cells = result.cells.set_index(["scenario", "planner"])
+    assert cells.loc[("a", "good"), "ratio"] == pytest.approx(0.5)
+    assert not cells.loc[("a", "good"), "ties"]
+    assert cells.loc[("a", "bad"), "ratio"] == 1.0
+    table_ = {column.header: list(column.cells) for column in suite_table(result).columns}
+    assert table_["Planner"] == ["bad", "good †"]
+    assert table_["Limit broken by [m]"] == ["kept", "0.70"]
+    figure = suite_figure(result)
+    marked = [text.get_text() for text in figure.axes[0].texts if "†" in text.get_text()]
+    assert marked == ["1.00 †"]
+    assert "†: broke a limit" in " ".join(figure.get_supxlabel().split())
+
+
+def test_where_every_planner_breaks_a_limit_the_lowest_error_wins_marked(two):
+    broken = two.assign(violation_max_m=1.0)
+    result = read_suite(broken, {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0})
+    assert result.planners.set_index("planner")["wins"].to_dict() == {"good": 1, "bad": 1}
+    columns = {column.header: list(column.cells) for column in suite_table(result).columns}
+    assert all(name.endswith("†") for name in columns["Planner"])
+
+
 def test_missions_under_other_settings_are_not_mixed_into_the_verdict(two, tmp_path):
     cells = tuple(
         SimpleNamespace(scenario=s, planner=p, seeds=range(20))

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from scipy import stats
 
 from obsplan.campaign.store import FIGURES
+from obsplan.constraints import ROUNDING
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,8 +32,11 @@ def varied_keys(table: "pd.DataFrame") -> list[str]:
 def medians(table: "pd.DataFrame", by: list[str] | None = None) -> "pd.DataFrame":
     """Median of each figure with its bootstrap 95 % interval, over the missions that did not fail.
 
-    One row per combination of the columns ``by`` (default: scenario, planner and every varied key): ``missions``, ``failed``, and for each
-    figure its name, name_low and name_high; nan where fewer than one or, for the interval, two missions have the figure.
+    One row per combination of the columns ``by`` (default: scenario, planner and every varied key):
+    ``missions``, ``failed``, ``violated`` (how many broke a limit), ``violation_worst_m`` (by how
+    much at most; nan without limits, negative where there was something to spare); then for each
+    figure its name, name_low and name_high; nan where fewer than one or, for the interval, two
+    missions have the figure.
     """
     import pandas as pd
 
@@ -44,6 +48,8 @@ def medians(table: "pd.DataFrame", by: list[str] | None = None) -> "pd.DataFrame
             **dict(zip(by, labels, strict=True)),
             "missions": len(group),
             "failed": failed,
+            "violated": int((group["violation_max_m"] > ROUNDING).sum()),
+            "violation_worst_m": float(group["violation_max_m"].max()),
         }
         for figure in FIGURES:
             row[figure], row[f"{figure}_low"], row[f"{figure}_high"] = median_interval(

@@ -9,6 +9,7 @@ _HOME = {
     "compare_table": "comparison",
     "errors_figure": "errors",
     "free_folder": "files",
+    "limit_notes": "verdict",
     "map_figure": "map",
     "planner_notes": "verdict",
     "run_html": "tables",

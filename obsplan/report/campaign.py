@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from obsplan.campaign.statistics import medians, paired, varied_keys, worded
 from obsplan.campaign.table import load_campaign
 from obsplan.files import write_atomically
+from obsplan.report.tables import cell
 from obsplan.report.words import metres
 from obsplan.types import ObsplanError
 
@@ -121,7 +122,9 @@ def campaign_table(by_cell: "pd.DataFrame") -> "Table":
     table = Table(title=Text("Medians [95 % intervals]"), title_justify="left", caption=caption)
     for label in labels:
         table.add_column(Text(label))
-    for heading in ("Missions", "Failed", *COLUMNS.values()):
+    limited = bool(by_cell["violation_worst_m"].notna().any())
+    broken = ["Limit broken by [m]"] if limited else []
+    for heading in ("Missions", "Failed", *COLUMNS.values(), *broken):
         table.add_column(Text(heading), justify="right")
     for row in by_cell.head(MOST_ROWS).to_dict("records"):
         figures_of = (interval(row[key], row[f"{key}_low"], row[f"{key}_high"]) for key in COLUMNS)
@@ -130,8 +133,27 @@ def campaign_table(by_cell: "pd.DataFrame") -> "Table":
             f"{row['missions']}",
             f"{row['failed']}",
             *map(Text, figures_of),
+            *([broken_by(row)] if limited else []),
         )
     return table
+
+
+def broken_by(row: dict[str, Any]) -> str:
+    """By how much a limit was broken at most [m], and in how many missions."""
+    if not row["violated"]:
+        return "–" if math.isnan(row["violation_worst_m"]) else "kept"
+    return f"{cell(row['violation_worst_m'], 2)} (in {row['violated']})"
+
+
+def limit_sentences(by_cell: "pd.DataFrame") -> list[str]:
+    """Which planners broke a limit, how often and by how much."""
+    said = []
+    for planner, rows in by_cell.groupby("planner"):
+        if violated := int(rows["violated"].sum()):
+            most = metres(float(rows["violation_worst_m"].max()))
+            of = int(rows["missions"].sum())
+            said.append(f"{planner} broke a limit in {violated} of {of} missions, by up to {most}.")
+    return said
 
 
 def interval(value: float, low: float, high: float) -> str:
@@ -149,6 +171,7 @@ def sentences(by_cell: "pd.DataFrame", pairs: "pd.DataFrame") -> list[str]:
         said = [verdict(labels, values, group) for values, group in groups.items()]
     else:
         said = [tally([winner(group) for group in groups.values()])]
+    said += limit_sentences(by_cell)
     if failed := int(by_cell["failed"].sum()):
         said.append(
             f"{failed} of {int(by_cell['missions'].sum())} missions failed and are left out of all medians and comparisons."

@@ -1,55 +1,83 @@
-"""Errors of a run over time, against what the filter says of them."""
+"""Errors of a run over time, against what the filter says of them, and separations with limits."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 
-from obsplan.report.style import FAINT, colour, outline, plain_decades, time_axis
+from obsplan.report.style import (
+    BROKEN,
+    FAINT,
+    LIMIT,
+    colour,
+    named,
+    outline,
+    plain_decades,
+    time_axis,
+)
+from obsplan.report.words import metres, title
 from obsplan.run import Run
 
 SIGMAS = 3.0
 NEES_BAND = (0.0506, 7.378)  # 2.5 % and 97.5 % of chi-square with 2 degrees
 WIDTH, ROW = 11.0, 2.0  # of the figure, of a row [inch]
+SETTLED = 0.25  # of the mission: what comes later sets the scale of an error
+USUAL = 0.95  # quantile of what is stated: its rare peaks do not set the scale
+OVERSHOOT = 2.0  # times that scale, beyond which the rest of an axis is logarithmic
+LINEAR = 0.75  # of such an axis that is linear
+ROUND = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0)  # times a power of ten: ends of a scale
+NEAR = 2.0  # times the greatest separation: a limit beyond is told, not drawn
+BEYOND = "#f2f2f2"  # behind the logarithmic part of an axis
+_BOUND: dict[str, Any] = {"color": "black", "lw": 1.0, "ls": "--"}
+_CONSISTENT: dict[str, Any] = {"fc": to_rgba(FAINT, 0.2), "ec": FAINT, "lw": 0.6, "ls": ":"}
+_LIMIT: dict[str, Any] = {"color": LIMIT, "lw": 1.0, "ls": (0, (1, 1.5))}
 
 
 def errors_figure(run: Run) -> Figure:
     """Draw a row per AUV (east error, north error, distance) and a row of separation, predicted condition number and consistency."""
     rows = len(run.names) + 1
-    figure = Figure(figsize=(WIDTH, ROW * rows + 0.6), layout="constrained")
+    figure = Figure(figsize=(WIDTH, ROW * rows + 1.0), layout="constrained")
     grid = GridSpec(rows, 6, figure=figure)
     time, label = time_axis(run.time)
     for i in range(rows - 1):
-        for axis, name in enumerate(("East", "North")):
-            _draw_error(
-                figure.add_subplot(grid[i, 2 * axis : 2 * axis + 2]), run, time, i, axis, name
-            )
-        _draw_distance(figure.add_subplot(grid[i, 4:]), run, time, i)
-    lower = [_draw_separation, _draw_nees] + (
-        [_draw_condition] if np.isfinite(run.condition).any() else []
-    )
+        panels = [figure.add_subplot(grid[i, k : k + 2]) for k in (0, 2, 4)]
+        _draw_errors(panels[:2], run, time, i)
+        _draw_distance(panels[2], run, time, i)
+    lower = [_draw_separation, _draw_nees]
+    if np.isfinite(run.condition).any():
+        lower.append(_draw_condition)
+    span = 6 // len(lower)
     for k, draw in enumerate(lower):
-        span = 6 // len(lower)
         draw(figure.add_subplot(grid[-1, k * span : (k + 1) * span]), run, time)
     for axes in figure.axes:
         axes.set_xlim(time[0], time[-1])
+        axes.xaxis.set_major_locator(MaxNLocator(nbins=7, steps=[1, 2, 5, 10]))
     for axes in figure.axes[-len(lower) :]:
         axes.set_xlabel(label)
-    if len(run.names) > 1:
-        figure.legend(
-            *figure.axes[-len(lower)].get_legend_handles_labels(),
-            loc="outside lower center",
-            ncols=8,
-            fontsize=8,
-        )
-    figure.suptitle(
-        f"{run.scenario.table.name}, {run.planner}: RMS position error {run.rms_error:.2f} m, worst {run.max_error:.2f} m",
-        x=0.01,
-        ha="left",
-        fontsize=11,
+    curved = any(axes.get_yscale() == "symlog" for axes in figure.axes)
+    figure.legend(
+        handles=list(_legend(run, curved=curved)),
+        loc="outside lower center",
+        ncols=6,
+        fontsize=8,
     )
+    figure.align_ylabels()
+    _write_heading(figure, run)
     return figure
+
+
+def _write_heading(figure: Figure, run: Run) -> None:
+    said = f"RMS position error {metres(run.rms_error)}, worst {metres(run.max_error)}"
+    text = f"{title(run.scenario.table.name)}, planner {run.planner}: {said}"
+    figure.suptitle(text, x=0.01, ha="left", fontsize=11, fontweight="bold")
 
 
 def _line(
@@ -60,44 +88,108 @@ def _line(
     axes.plot(time[shown], values[shown], **how)  # pyright: ignore[reportArgumentType]
 
 
-def _highest(errors: Float[np.ndarray, " n"], stated: Float[np.ndarray, " n"]) -> float:
-    """End of an axis that shows every error, and what is stated of them but for the first moments."""
-    return 1.1 * float(max(np.nanmax(errors), np.nanquantile(stated, 0.98))) or 1.0
-
-
-def _draw_error(
-    axes: Axes, run: Run, time: Float[np.ndarray, " n"], i: int, axis: int, name: str
+def scale_errors(
+    panels: Sequence[Axes],
+    errors: Float[np.ndarray, "rows n"],
+    stated: Float[np.ndarray, "rows n"],
+    *,
+    signed: bool,
 ) -> None:
-    error = run.mean[i, :, axis] - run.truth[i, :, axis]
-    band = SIGMAS * np.sqrt(np.maximum(run.covariance[i, :, axis, axis], 0.0))
-    shown = outline(band)
-    axes.fill_between(
-        time[shown], -band[shown], band[shown], color=colour(i), alpha=0.2, lw=0, label="±3σ"
-    )
-    _line(axes, time, error, color=colour(i), lw=0.8, label="error")
-    axes.axhline(0.0, color=FAINT, lw=0.5)
-    highest = _highest(np.abs(error), band)
-    axes.set_ylim(-highest, highest)
-    axes.set_title(f"{run.names[i]}: {name.lower()} error and ±3σ")
-    axes.set_ylabel(f"{name} error [m]")
+    """Scale axes alike, to what matters once the first quarter of the mission is over.
+
+    That is every error, and what is stated of it but for its rare peaks. Where something is far
+    beyond, as the first estimate may be, the rest of the axes is logarithmic, and shaded: nothing
+    is cut off.
+
+    Parameters
+    ----------
+    panels
+        To be scaled.
+    errors, stated
+        Magnitudes of the errors, and of what the filter or a bound says of them [m]; nan where
+        there is none.
+    signed
+        Whether errors go both ways.
+    """
+    error, said = np.fmax.reduce(errors), np.fmax.reduce(stated)
+    late = slice(int(SETTLED * error.size), None)
+    usual = float(np.nanquantile(said[late], USUAL)) if np.isfinite(said[late]).any() else 0.0
+    settled = float(np.fmax.reduce(error[late], initial=usual))
+    highest = float(np.fmax.reduce(np.fmax(error, said), initial=0.0))
+    for axes in panels:
+        if not highest > 0:
+            continue
+        if 0 < settled < highest / OVERSHOOT:
+            _bend(axes, round_up(1.1 * settled), round_up(1.05 * highest), signed=signed)
+        else:
+            axes.set_ylim(-1.1 * highest if signed else 0.0, 1.1 * highest)
+
+
+def _bend(axes: Axes, threshold: float, end: float, *, signed: bool) -> None:
+    """Make an axis linear up to a threshold, and logarithmic from there to its end."""
+    decades = np.log10(end / threshold)
+    axes.set_yscale("symlog", linthresh=threshold, linscale=decades * LINEAR / (1 - LINEAR))
+    axes.set_ylim(-end if signed else 0.0, end)
+    ticks = np.array([threshold / 2, threshold, end])
+    below = -ticks[::-1] if signed else []
+    axes.yaxis.set_major_locator(FixedLocator([*below, 0.0, *ticks]))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "−")))
+    axes.axhspan(threshold, end, color=BEYOND, lw=0, zorder=0)
+    if signed:
+        axes.axhspan(-end, -threshold, color=BEYOND, lw=0, zorder=0)
+
+
+def round_up(value: float) -> float:
+    """Smallest round number that is no less."""
+    decade = 10.0 ** np.floor(np.log10(value))
+    return float(next(step * decade for step in ROUND if value <= step * decade * (1 + 1e-9)))
+
+
+def _draw_errors(panels: Sequence[Axes], run: Run, time: Float[np.ndarray, " n"], i: int) -> None:
+    """East and north error of an AUV, with three standard deviations to either side."""
+    error = (run.mean[i, :, :2] - run.truth[i, :, :2]).T
+    variance = np.diagonal(run.covariance[i, :, :2, :2], axis1=1, axis2=2).T
+    band = SIGMAS * np.sqrt(np.maximum(variance, 0.0))
+    for axes, name, one, stated in zip(panels, ("East", "North"), error, band, strict=True):
+        shown = outline(stated)
+        below, above = -stated[shown], stated[shown]
+        axes.fill_between(time[shown], below, above, color=colour(i), alpha=0.2, lw=0)
+        _line(axes, time, one, color=colour(i), lw=0.8)
+        axes.axhline(0.0, color=FAINT, lw=0.5)
+        axes.set_title(f"{run.names[i]}: {name.lower()} error")
+        axes.set_ylabel(f"{name} error [m]")
+    scale_errors(panels, np.abs(error), band, signed=True)
 
 
 def _draw_distance(axes: Axes, run: Run, time: Float[np.ndarray, " n"], i: int) -> None:
-    _line(axes, time, run.error[i], color=colour(i), lw=0.8, label="error")
+    _line(axes, time, run.error[i], color=colour(i), lw=0.8)
     bound = np.sqrt(run.cramer_rao[i, :, 0, 0] + run.cramer_rao[i, :, 1, 1])
-    _line(axes, time, bound, color="black", lw=1.0, ls="--", label="Cramér–Rao bound, RMS")
-    axes.set_ylim(0.0, _highest(run.error[i], bound))
+    _line(axes, time, bound, **_BOUND)
+    scale_errors([axes], run.error[i][None], bound[None], signed=False)
     axes.set_title(f"{run.names[i]}: distance from the truth")
     axes.set_ylabel("Error [m]")
-    axes.legend(loc="upper right", fontsize=7)
 
 
 def _draw_separation(axes: Axes, run: Run, time: Float[np.ndarray, " n"]) -> None:
-    for i, name in enumerate(run.names):
-        _line(axes, time, run.separation[i], color=colour(i), lw=0.8, label=name)
+    for i in range(len(run.names)):
+        _line(axes, time, run.separation[i], color=colour(i), lw=0.8)
+    for limit in run.limits:
+        if limit.auv is not None and limit.broken.any():
+            outside = np.where(limit.broken, run.separation[limit.auv], np.nan)
+            axes.plot(time, outside, color=BROKEN, lw=3.0, alpha=0.7, zorder=1.5)
+    for distance in _drawn_limits(run).values():
+        axes.axhline(distance, **_LIMIT)
     axes.set_ylim(bottom=0.0)
     axes.set_title("Distance to the aid vehicle")
     axes.set_ylabel("Separation [m]")
+
+
+def _drawn_limits(run: Run) -> dict[str, float]:
+    """Least and greatest separation [m], as far as they are set and near what was flown."""
+    limits, farthest = run.scenario.constraints, float(run.separation.max())
+    told = {"least": limits.min_separation, "greatest": limits.max_separation}
+    return {name: value for name, value in told.items() if 0 < value <= NEAR * farthest}
 
 
 def _draw_condition(axes: Axes, run: Run, time: Float[np.ndarray, " n"]) -> None:
@@ -115,8 +207,27 @@ def _draw_nees(axes: Axes, run: Run, time: Float[np.ndarray, " n"]) -> None:
         known = nees > 0
         if known.any():
             _line(axes, time[known], nees[known], color=colour(i), lw=0.8)
-    axes.axhspan(*NEES_BAND, color=FAINT, alpha=0.2, lw=0, label="95 % if consistent")
+    axes.axhspan(*NEES_BAND, **_CONSISTENT)
     axes.set_yscale("log")
+    plain_decades(axes.yaxis)
     axes.set_title("Normalised error squared (NEES)")
     axes.set_ylabel("NEES [-]")
-    axes.legend(loc="upper right", fontsize=7)
+
+
+def _legend(run: Run, *, curved: bool) -> Iterator[Line2D | Patch]:
+    """What is drawn, beside all panels."""
+    one = colour(0) if len(run.names) == 1 else FAINT
+    if len(run.names) > 1:
+        for i, name in enumerate(run.names):
+            yield Line2D([], [], color=colour(i), lw=2.5, label=named(name))
+    yield Line2D([], [], color=one, lw=0.8, label="error")
+    yield Patch(fc=one, alpha=0.2, label="±3σ of the filter")
+    yield Line2D([], [], **_BOUND, label="Cramér–Rao bound, RMS")
+    yield Patch(**_CONSISTENT, label="NEES, 95 % if consistent")
+    if curved:
+        yield Patch(fc=BEYOND, ec=FAINT, lw=0.5, label="logarithmic from here on")
+    if drawn := _drawn_limits(run):
+        values = ", ".join(f"{name} {value:g} m" for name, value in drawn.items())
+        yield Line2D([], [], **_LIMIT, label=f"separation limits: {values}")
+    if any(limit.auv is not None and limit.broken.any() for limit in run.limits):
+        yield Line2D([], [], color=BROKEN, lw=3.0, alpha=0.7, label="limit broken")

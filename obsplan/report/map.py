@@ -1,9 +1,10 @@
-"""The map of a run: who was where, and how sure of it."""
+"""The map of a run: who was where when, how sure of it, and within which limits."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Integer
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgba
@@ -11,7 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from obsplan.report.style import AID, FAINT, colour
+from obsplan.report.map_limits import binding_separations, boundary, draw_limits, ring
+from obsplan.report.marks import Label, draw_labels, mark_label, marked_instants, marks_in_words
+from obsplan.report.style import AID, BROKEN, FAINT, colour, dark, named
+from obsplan.report.surround import draw_bar_and_north, draw_heading, draw_notes
+from obsplan.report.words import after, capital, clock, limit_name, metres, title
 from obsplan.run import Run
 
 PROBABILITY = 0.95
@@ -20,68 +25,140 @@ RADIUS = float(
 )  # of the ellipse in standard deviations: chi-square with 2 degrees
 ELLIPSES = 32  # in all
 SMALLEST = 0.004  # semi-axis of an ellipse worth drawing, as a share of the map's width
-ARROWS = 9  # along the aid vehicle's path
 WINDING = 20.0  # times the map's width: the path is so long that it would hide the rest
 MOST_VERTICES = 50_000  # of a track
-WIDTH, LOWEST, HIGHEST = 8.0, 4.0, 9.0  # of the figure [inch]
-LEGEND = 2.0  # [inch]
+MOST_PINGS = 150  # marked
+MOST_GROWTH = 2.0  # of the map's sides, to show more than the vehicles' tracks
+STILL = 0.015  # of the map's diagonal: a vehicle that has moved no farther gets no new time mark
+WIDE, HIGH = 6.0, 7.5  # the most of the map itself [inch]
+MARGIN = 0.7  # left and below, for the axes' labels [inch]
 BAND = 0.35  # opacity of a true track
 _START: dict[str, Any] = {"marker": "o", "ms": 5, "mfc": "white", "mew": 1.5, "ls": ""}
+_AID_START: dict[str, Any] = {"marker": "o", "ms": 7, "mfc": "white", "mec": AID, "mew": 1.6}
+_TIME: dict[str, Any] = {"marker": "o", "ms": 5, "mec": "white", "mew": 0.7, "ls": ""}
+_PING: dict[str, Any] = {"marker": "o", "ms": 2.4, "mfc": "white", "mew": 0.6, "ls": ""}
+_ARROW: dict[str, Any] = {"ms": 7, "mfc": AID, "mec": "white", "mew": 0.4, "ls": ""}
 
 
 def map_figure(run: Run) -> Figure:
-    """Draw surveys, true tracks, estimates with their 95 % ellipses, and the aid vehicle's path, from above."""
+    """Draw from above: surveys, true tracks, estimates with ellipses, aid vehicle, limits."""
     low, high = extent(run)
     width, height = high - low
-    figure = Figure(
-        figsize=(WIDTH, float(np.clip((WIDTH - LEGEND) * height / width + 1.0, LOWEST, HIGHEST))),
-        layout="constrained",
-    )
-    axes = figure.add_subplot(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    for i, reference in enumerate(run.scenario.references):
-        axes.plot(
-            *reference.polyline.T,
-            color=FAINT,
-            lw=0.8,
-            ls=(0, (5, 3)),
-            marker="+" if len(reference.polyline) == 1 else "",
-            zorder=1,
-        )
-        _draw_auv(axes, run, i, smallest=SMALLEST * width)
+    inch = float(min(WIDE / width, HIGH / height))  # inches a metre
+    figure = Figure(figsize=(width * inch + MARGIN, height * inch + MARGIN))
+    place = (MARGIN, MARGIN, width * inch, height * inch)
+    size = np.tile(figure.get_size_inches(), 2)
+    axes = figure.add_axes(tuple(np.array(place) / size), aspect="equal")
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), autoscale_on=False)
+    limits = draw_limits(axes, run)
+    for i in range(len(run.names)):
+        _draw_auv(axes, run, i, smallest=SMALLEST * float(width))
     _draw_aid(axes, run)
+    _draw_pings(axes, run)
+    tracks = [run.cna[:, :2], *run.truth[..., :2]]
+    draw_labels(axes, _draw_marks(axes, run), tracks, inch=inch)
     origin = run.scenario.table.origin
-    axes.set_xlabel(f"East of {abs(origin.lon):g}° {'E' if origin.lon >= 0 else 'W'} [m]")
-    axes.set_ylabel(f"North of {abs(origin.lat):g}° {'N' if origin.lat >= 0 else 'S'} [m]")
-    axes.set_title(
-        f"{run.scenario.table.name}, {run.planner}: RMS position error {run.rms_error:.2f} m, worst {run.max_error:.2f} m"
-    )
+    axes.set_xlabel(f"East of {degrees(origin.lon, 'E', 'W')} [m]")
+    axes.set_ylabel(f"North of {degrees(origin.lat, 'N', 'S')} [m]")
+    draw_heading(axes, heading(run))
+    draw_bar_and_north(axes, float(width), inch)
+    draw_notes(axes, off_the_map(run, low, high))
     axes.legend(
-        handles=_legend(run),
+        handles=[*_legend(run), *limits],
         loc="upper left",
-        bbox_to_anchor=(1.01, 1.0),
+        bbox_to_anchor=(1.0, 1.0, 0.0, -0.62 / (height * inch)),
+        borderaxespad=0.9,
         fontsize=8,
         handlelength=2.4,
     )
     return figure
 
 
-def extent(run: Run) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]:
-    """Lower left and upper right corner [m] of all tracks, with a margin."""
-    tracks = [
-        run.cna[:, :2],
-        *run.truth[..., :2],
-        *run.mean[..., :2],
-        *(r.polyline for r in run.scenario.references),
+def heading(run: Run) -> list[tuple[str, str]]:
+    """Lines above the map, each with its colour."""
+    lines = [
+        (f"{title(run.scenario.table.name)}, planner {run.planner}", "black"),
+        (
+            f"RMS position error {metres(run.rms_error)}, worst {metres(run.max_error)}; "
+            f"{clock(run, run.time[-1])}, seed {run.seed}",
+            "black",
+        ),
     ]
+    broken = [limit for limit in run.limits if limit.broken.any()]
+    if broken:
+        worst = max(broken, key=lambda limit: limit.violation.max())
+        most, when = metres(float(worst.violation.max())), after(run, worst.worst)
+        said = f"{limit_name(worst)} broken by {most} {when}"
+        others = f", and {len(broken) - 1} more" if len(broken) > 1 else ""
+        lines.append((capital(said) + others, BROKEN))
+    return lines
+
+
+def degrees(value: float, positive: str, negative: str) -> str:
+    """A latitude or longitude to 0.1 m, with its hemisphere."""
+    digits = f"{abs(value):.6f}".rstrip("0").rstrip(".")
+    return f"{digits}° {negative if value < 0 else positive}"
+
+
+def extent(run: Run) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]:
+    """Lower left and upper right corner [m] of the map.
+
+    It holds all true tracks and surveys; estimates, ellipses and limits too, unless one of them
+    would make the map more than twice as large.
+    """
+    tracks = [run.cna[:, :2], *run.truth[..., :2], *(r.polyline for r in run.scenario.references)]
     points = np.concatenate(tracks)
-    low, high = (
-        np.nanmin(points, axis=0),
-        np.nanmax(points, axis=0),
-    )  # nan where a filter has failed
-    margin = 0.06 * max(*(high - low), 1.0)
+    low, high = points.min(axis=0), points.max(axis=0)
+    side = max(float((high - low).max()), 1.0)
+    for _, other in _companions(run):
+        low, high = _grown(low, high, other, side)
+    margin = 0.05 * max(*(high - low), 1.0)
     flattest = 0.25 * (high - low).max()  # a map is not a line
     spare = np.maximum(flattest - (high - low), 0.0) / 2
     return low - spare - margin, high + spare + margin
+
+
+def off_the_map(run: Run, low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"]) -> list[str]:
+    """What is not wholly on the map."""
+    outside = [
+        name
+        for name, points in _companions(run)
+        if len(points) and ((points < low) | (points > high)).any()
+    ]
+    return [f"Beyond the map: {', '.join(outside)}."] if outside else []
+
+
+def _companions(run: Run) -> Iterator[tuple[str, Float[np.ndarray, "_ 2"]]]:
+    """What is on the map beside the tracks, with its outline [m], the most wanted first."""
+    limits = run.scenario.constraints
+    for k, area in enumerate(limits.keep_out, start=1):
+        yield f"keep-out {k}", boundary(area)
+    if limits.geofence is not None:
+        yield "the geofence", boundary(limits.geofence)
+    for limit in binding_separations(run):
+        yield limit.name, ring(run, limit)
+    for i, name in enumerate(run.names):
+        estimate = run.mean[i, :, :2]  # nan where the filter has failed
+        yield f"estimate of {name}", estimate[np.isfinite(estimate).all(axis=1)]
+    for i, name in enumerate(run.names):
+        P = run.covariance[i, :1, :2, :2]
+        if np.isfinite(P).all():
+            yield f"first ellipse of {name}", ellipses(P, run.mean[i, :1, :2])[0]
+
+
+def _grown(
+    low: Float[np.ndarray, " 2"],
+    high: Float[np.ndarray, " 2"],
+    points: Float[np.ndarray, "_ 2"],
+    side: float,
+) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]:
+    """Corners that hold the points, too, or those of before where that would be too much."""
+    if not len(points):
+        return low, high
+    lower = np.minimum(low, points.min(axis=0))
+    higher = np.maximum(high, points.max(axis=0))
+    fits = bool((higher - lower).max() <= MOST_GROWTH * side)
+    return (lower, higher) if fits else (low, high)
 
 
 def ellipses(
@@ -114,74 +191,81 @@ def apart(
 
 def _draw_auv(axes: Axes, run: Run, i: int, *, smallest: float) -> None:
     paint, every = colour(i), _every(run)
-    axes.plot(
-        *run.truth[i, every, :2].T,
-        color=paint,
-        alpha=BAND,
-        lw=3.5,
-        solid_capstyle="round",
-        zorder=2,
-    )
+    plan = run.scenario.references[i].polyline
+    cross = "+" if len(plan) == 1 else ""
+    axes.plot(*plan.T, color=FAINT, lw=0.8, ls=(0, (5, 3)), marker=cross, zorder=1)
+    true = {"color": paint, "alpha": BAND, "lw": 3.5, "solid_capstyle": "round"}
+    axes.plot(*run.truth[i, every, :2].T, **true, zorder=2)
     axes.plot(*run.mean[i, every, :2].T, color=paint, lw=0.9, zorder=5)
     axes.plot(*run.truth[i, 0, :2], **_START, mec=paint, zorder=6)
-    at = np.unique(
-        np.linspace(0, run.time.size - 1, max(4, ELLIPSES // len(run.names))).astype(int)
-    )
+    count = max(4, ELLIPSES // len(run.names))
+    at = np.unique(np.linspace(0, run.time.size - 1, count).astype(int))
     at = at[np.isfinite(run.covariance[i, at, :2, :2]).all(axis=(1, 2))]
     shapes = ellipses(run.covariance[i, at, :2, :2], run.mean[i, at, :2])
     shapes = shapes[apart(shapes, run.mean[i, at, :2], smallest)]
-    axes.add_collection(
-        PolyCollection(list(shapes), fc=to_rgba(paint, 0.2), ec=paint, lw=0.6, zorder=3),
-        autolim=False,
-    )
-    if len(run.names) > 1:
-        _draw_name(axes, run, i)
-
-
-def _draw_name(axes: Axes, run: Run, i: int) -> None:
-    """An AUV's name at its start, on the side away from the others'."""
-    start = run.truth[:, 0, :2]
-    left, below = start[i] < start.mean(axis=0)
-    axes.annotate(
-        run.names[i],
-        start[i],
-        xytext=(-6 if left else 6, -6 if below else 6),
-        textcoords="offset points",
-        ha="right" if left else "left",
-        va="top" if below else "bottom",
-        color=colour(i),
-        fontsize=8,
-        zorder=9,
-        bbox={"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.7},
-    )
+    drawn = PolyCollection(list(shapes), fc=to_rgba(paint, 0.2), ec=paint, lw=0.6, zorder=3)
+    axes.add_collection(drawn, autolim=False)
 
 
 def _draw_aid(axes: Axes, run: Run) -> None:
     path = run.cna[_every(run), :2]
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
     winding = length[-1] > WINDING * np.ptp(path, axis=0).max()
-    axes.plot(
-        *path.T,
-        color=AID,
-        lw=0.3 if winding else 0.8,
-        alpha=0.6 if winding else 0.75,
-        zorder=1.5 if winding else 4,
-    )
+    line = {"lw": 0.3, "alpha": 0.6} if winding else {"lw": 0.8, "alpha": 0.75}
+    axes.plot(*path.T, color=AID, **line, zorder=1.5 if winding else 4)
     if length[-1] > 0:
-        for k in np.searchsorted(length, (np.arange(ARROWS) + 0.5) / ARROWS * length[-1]):
-            degrees = np.rad2deg(run.cna[_every(run), 2][k])
-            axes.plot(
-                *path[k],
-                marker=(3, 0, degrees - 90.0),
-                ms=7,
-                mfc=AID,
-                mec="white",
-                mew=0.4,
-                ls="",
-                zorder=7,
-            )
+        _draw_course(axes, run)
         axes.plot(*path[-1], marker="s", ms=6, mfc=AID, mec="white", ls="", zorder=8)
-    axes.plot(*path[0], marker="o", ms=7, mfc="white", mec=AID, mew=1.6, ls="", zorder=8)
+    axes.plot(*path[0], **_AID_START, ls="", zorder=8)
+
+
+def _draw_course(axes: Axes, run: Run) -> None:
+    """Arrows along the aid vehicle's path, halfway between the time marks."""
+    marks = np.concatenate([[0], marked_instants(run.time), [run.time.size - 1]])
+    for k in (marks[1:] + marks[:-1]) // 2:
+        pointed = (3, 0, np.rad2deg(run.cna[k, 2]) - 90.0)
+        axes.plot(*run.cna[k, :2], marker=pointed, **_ARROW, zorder=7)
+
+
+def _pinged(run: Run, i: int) -> Integer[np.ndarray, " pings"]:
+    """Samples at which an AUV's ranges are marked."""
+    pings = np.flatnonzero(np.isfinite(run.range[i]))
+    return pings[:: _every_ping(pings.size)]
+
+
+def _every_ping(pings: int) -> int:
+    """One in how many ranges is marked: a round number."""
+    return next(n for n in (1, 2, 5, *(10 * 2**k for k in range(20))) if pings <= n * MOST_PINGS)
+
+
+def _draw_pings(axes: Axes, run: Run) -> None:
+    """Ticks where ranges were taken, on both ends of them."""
+    for i in range(len(run.names)):
+        axes.plot(*run.truth[i, _pinged(run, i), :2].T, **_PING, mec=colour(i), zorder=5.5)
+    ends = np.unique(np.concatenate([_pinged(run, i) for i in range(len(run.names))]))
+    axes.plot(*run.cna[ends, :2].T, **_PING, mec=AID, zorder=5.5)
+
+
+def _draw_marks(axes: Axes, run: Run) -> list[Label]:
+    """Mark the same instants on all tracks; returns their labels and the AUVs' names."""
+    longest = float(run.time[-1])
+    still = STILL * float(np.hypot(np.diff(axes.get_xlim()), np.diff(axes.get_ylim()))[0])
+    tracks = [("", AID, run.cna[:, :2])]
+    tracks += [(name, colour(i), run.truth[i, :, :2]) for i, name in enumerate(run.names)]
+    labels = [
+        Label(text=name, at=track[0], colour=dark(paint), bold=True)
+        for name, paint, track in tracks[1:]
+        if len(run.names) > 1
+    ]
+    for _, paint, track in tracks:
+        last = track[0]
+        for k in marked_instants(run.time):
+            if np.hypot(*(track[k] - last)) < still:
+                continue
+            last = track[k]
+            axes.plot(*last, **_TIME, mfc=paint, zorder=9)
+            labels.append(Label(text=mark_label(run.time[k], longest), at=last, colour=dark(paint)))
+    return labels
 
 
 def _every(run: Run) -> slice:
@@ -191,39 +275,33 @@ def _every(run: Run) -> slice:
 def _legend(run: Run) -> list[Line2D | Patch]:
     one = colour(0) if len(run.names) == 1 else FAINT
     moves = bool((run.cna[:, :2] != run.cna[0, :2]).any())
-    handles: list[Line2D | Patch] = [
+    ellipse = f"{100 * PROBABILITY:.0f} % ellipse"
+    handles: list[Line2D | Patch] = []
+    if len(run.names) > 1:
+        handles += [
+            Line2D([], [], color=colour(i), lw=2.5, label=named(name))
+            for i, name in enumerate(run.names)
+        ]
+    handles += [
         Line2D([], [], color=FAINT, lw=0.8, ls=(0, (5, 3)), label="survey plan"),
         Line2D([], [], color=one, lw=3.5, alpha=BAND, label="AUV, true"),
         Line2D([], [], **_START, mec=one, label="AUV, start"),
         Line2D([], [], color=one, lw=0.9, label="AUV, estimated"),
-        Patch(
-            fc=to_rgba(one, 0.2),
-            ec=one,
-            lw=0.6,
-            label=f"{PROBABILITY:.0%} ellipse".replace("%", " %"),
-        ),
-        Line2D(
-            [],
-            [],
-            color=AID,
-            lw=0.8 * moves,
-            marker="o",
-            ms=7,
-            mfc="white",
-            mec=AID,
-            mew=1.6,
-            label="aid vehicle, start",
-        ),
+        Patch(fc=to_rgba(one, 0.2), ec=one, lw=0.6, label=ellipse),
+        Line2D([], [], color=AID, lw=0.8 * moves, **_AID_START, label="aid vehicle, start"),
     ]
     if moves:
-        handles.append(
-            Line2D([], [], color=AID, lw=0.8, marker=(3, 0, -90), ms=7, label="aid vehicle, course")
-        )
-        handles.append(
-            Line2D([], [], color=AID, lw=0.8, marker="s", ms=6, label="aid vehicle, end")
-        )
-    if len(run.names) > 1:
+        course = {"color": AID, "lw": 0.8}
         handles += [
-            Line2D([], [], color=colour(i), lw=2.5, label=name) for i, name in enumerate(run.names)
+            Line2D([], [], **course, marker=(3, 0, -90), ms=7, label="aid vehicle, course"),
+            Line2D([], [], **course, marker="s", ms=6, label="aid vehicle, end"),
         ]
+    handles.append(Line2D([], [], **_TIME, mfc=AID, label=marks_in_words(run.time)))
+    handles.append(Line2D([], [], **_PING, mec=AID, label=_pings_in_words(run)))
     return handles
+
+
+def _pings_in_words(run: Run) -> str:
+    interval = run.scenario.table.ranging.interval
+    shown = _every_ping(int(np.count_nonzero(np.isfinite(run.range[0]))))
+    return f"range, every {interval:g} s" + (f",\none in {shown} shown" if shown > 1 else "")

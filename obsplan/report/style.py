@@ -1,22 +1,35 @@
 """What the figures share: colours, the time axis, thinning, and PNGs that are the same bytes on every run."""
 
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
+from textwrap import fill
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 from jaxtyping import Float, Integer
 from matplotlib import style
+from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogFormatter
 
+from obsplan.planners import PLANNERS
+from obsplan.report.tables import marked
+from obsplan.report.words import time_unit
+
 # Okabe & Ito (2008) without its yellow and black, then two of P. Tol's "muted": told apart by colour-blind readers, and on white
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#999933")
+MARKERS = ("o", "s", "^", "D")  # of planners, as there are more of them than colours
 AID = "#333333"  # the aid vehicle
 FAINT = "#888888"
+LIMIT = "#000000"  # keep-outs, geofence, separations
+BROKEN = "#E3007B"  # where a limit is broken: none of the above, and drawn broader than all of them
+INK = 0.75  # of a colour's brightness, for letters
+LETTERS = 14  # of 8 pt in an inch, and some room
 DPI = 150
 MOST_POINTS = 4000  # of a line over time; more than twice the pixels of its panel
 
@@ -31,6 +44,8 @@ _STYLE: dict[str, Any] = {
     "grid.color": "#e6e6e6",
     "grid.linewidth": 0.6,
     "legend.frameon": False,
+    "hatch.linewidth": 0.5,
+    "text.parse_math": False,  # a name may hold dollars
     "figure.dpi": DPI,
 }
 
@@ -61,10 +76,49 @@ def colour(i: int) -> str:
     return COLOURS[i % len(COLOURS)]
 
 
+def dark(paint: str) -> str:
+    """A colour dark enough for small letters."""
+    return to_hex(INK * np.array(to_rgb(paint)))
+
+
+def planner_style(name: str) -> tuple[str, str]:
+    """Colour and marker of a planner: the same in every figure, whoever else is in it.
+
+    A planner that is not one of ours has a diamond and a colour that follows from its name.
+    """
+    ours = list(PLANNERS)
+    if name in ours:
+        k = ours.index(name)
+        return colour(k), MARKERS[k // len(COLOURS)]
+    return colour(crc32(name.encode())), MARKERS[-1]
+
+
+def name_rows(axes: Axes, rows: Sequence[str], broke: Sequence[bool]) -> None:
+    """Name the rows of a panel from above, those who broke a limit with a mark."""
+    names = [marked(name, bool(one)) for name, one in zip(rows, broke, strict=True)]
+    axes.set_yticks(range(len(rows)), names)
+    axes.set_ylim(len(rows) - 0.5, -0.5)
+    for label, one in zip(axes.get_yticklabels(), broke, strict=True):
+        label.set_color(BROKEN if one else "black")
+
+
+def head(figure: Figure, title: str, key: str) -> None:
+    """Write a title and, below in smaller letters, how the figure is to be read."""
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
+    if key:
+        lines = fill(key, int(LETTERS * figure.get_figwidth()))
+        figure.supxlabel(lines, x=0.01, ha="left", fontsize=8)
+
+
+def named(text: str) -> str:
+    """A name as a legend's label; matplotlib would leave out one that begins with an underscore."""
+    return f" {text}" if text.startswith("_") else text
+
+
 def time_axis(time: Float[np.ndarray, " samples"]) -> tuple[Float[np.ndarray, " samples"], str]:
     """Times in a readable unit, and the axis's label."""
-    longest = 600.0  # [s]; more are told in minutes
-    return (time, "Time [s]") if time[-1] <= longest else (time / 60.0, "Time [min]")
+    length, symbol = time_unit(float(time[-1]))
+    return time / length, f"Time [{symbol}]"
 
 
 def plain_decades(axis: Axis) -> None:

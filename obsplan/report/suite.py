@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obsplan.campaign.statistics import medians, signed_rank_p
+from obsplan.constraints import ROUNDING
 from obsplan.files import write_atomically
 from obsplan.planners.protocol import expression_of
+from obsplan.report.tables import marked, violation_cell
+from obsplan.report.words import title
 from obsplan.scenario import Scenario
 from obsplan.simulation import ClosedLoop
 from obsplan.types import ObsplanError
@@ -32,9 +35,12 @@ SHOWN_WORST = 5.0  # times the best, at which the figure's colours end
 class Suite:
     """What a campaign over planners and scenarios says.
 
-    ``cells`` has one row per scenario and planner: medians, the worst violation of any seed, ``ratio`` to the scenario's lowest median
-    error, ``p`` of Wilcoxon's signed-rank test against that planner over paired seeds, ``ties`` whether it is the best or not
-    distinguishable from it, ``efficiency``. ``planners`` has one row per planner: ``wins``, ``ties``, mean and worst ratio, decision time.
+    ``cells`` has one row per scenario and planner: medians, the worst violation of any seed and
+    whether it ``broke`` a limit, ``ratio`` to the scenario's best median error, ``p`` of Wilcoxon's
+    signed-rank test against that planner over paired seeds, ``ties`` whether it is the best or not
+    distinguishable from it, ``efficiency``. ``planners`` has one row per planner: ``wins``,
+    ``ties``, mean and worst ratio, decision time. The best is the lowest of those that kept all
+    limits in the scenario; planners that broke one come last.
     """
 
     cells: "pd.DataFrame"
@@ -63,21 +69,19 @@ def read_suite(
             "failed",
             "rms_error_m",
             "pcrb_rms_m",
-            "violation_max_m",
+            "violation_worst_m",
         ]
-    ]
-    keys = ["scenario", "planner"]
-    cells["violation_max_m"] = (
-        table.groupby(keys)["violation_max_m"].max().reindex(cells.set_index(keys).index).to_numpy()
-    )
+    ].rename(columns={"violation_worst_m": "violation_max_m"})
+    cells["broke"] = cells["violation_max_m"] > ROUNDING
     errors = table.pivot_table(
         index=["scenario", "seed"], columns="planner", values="rms_error_m", dropna=False
     )
     flown = cells.dropna(
         subset="rms_error_m"
     )  # a planner that always failed has no error, and is infinitely worse than any other
-    best = flown.loc[flown.groupby("scenario")["rms_error_m"].idxmin()].set_index("scenario")
+    best = _best(flown)
     against = [best["planner"].get(scenario, "") for scenario in cells["scenario"]]
+    kept = cells["scenario"].map(~best["broke"]).eq(True)  # the best has: who has not is no equal
     p = [
         _p(errors.loc[s], one, other)
         for s, one, other in zip(cells["scenario"], cells["planner"], against, strict=True)
@@ -85,7 +89,7 @@ def read_suite(
     cells = cells.assign(
         ratio=(cells["rms_error_m"] / cells["scenario"].map(best["rms_error_m"])).fillna(np.inf),
         p=p,
-        ties=(np.array(p) > LEVEL) & cells["rms_error_m"].notna(),
+        ties=(np.array(p) > LEVEL) & cells["rms_error_m"].notna() & ~(cells["broke"] & kept),
         efficiency=cells["scenario"].map(bounds) / cells["pcrb_rms_m"],
     )
     by_planner = cells.groupby("planner")
@@ -97,11 +101,17 @@ def read_suite(
         worst_scenario=("ratio", lambda r: cells.loc[r.idxmax(), "scenario"]),
         efficiency=("efficiency", "median"),
         violation_max_m=("violation_max_m", "max"),
+        broke=("broke", "any"),
     ).reset_index()
     planners["decision_ms"] = planners["planner"].map(decision_ms)
-    return Suite(
-        cells=cells, planners=planners.sort_values(["mean_ratio", "planner"], ignore_index=True)
-    )
+    order = ["broke", "mean_ratio", "planner"]
+    return Suite(cells=cells, planners=planners.sort_values(order, ignore_index=True))
+
+
+def _best(flown: "pd.DataFrame") -> "pd.DataFrame":
+    """The lowest median error of each scenario, of planners that kept its limits if any did."""
+    order = flown.sort_values(["scenario", "broke", "rms_error_m"], kind="stable")
+    return order.groupby("scenario").head(1).set_index("scenario")
 
 
 def _p(errors: "pd.DataFrame", one: str, other: str) -> float:
@@ -163,6 +173,7 @@ def suite_table(suite: Suite) -> "Table":
         "in",
         "Efficiency",
         "Decision [ms]",
+        "Limit broken by [m]",
     )
     table = Table(
         "Planner",
@@ -178,7 +189,12 @@ def suite_table(suite: Suite) -> "Table":
             f"{row.efficiency:.2f}",
         )
         table.add_row(
-            row.planner, str(row.wins), str(int(row.ties)), *numbers, f"{row.decision_ms:.2f}"
+            marked(str(row.planner), bool(row.broke)),
+            str(row.wins),
+            str(int(row.ties)),
+            *numbers,
+            f"{row.decision_ms:.2f}",
+            violation_cell(None if np.isnan(row.violation_max_m) else row.violation_max_m),
         )
     return table
 
@@ -204,12 +220,12 @@ def scenario_table(suite: Suite) -> "Table":
             cells[cells["planner"] == first].iloc[0],
             cells[cells["planner"] != first].dropna(subset=["rms_error_m"]),
         )
-        errors, rival = f"{own.rms_error_m:.2f}", ("", "", "", "")
+        errors, rival = marked(f"{own.rms_error_m:.2f}", bool(own.broke)), ("", "", "", "")
         if len(others):
-            other = others.loc[others["rms_error_m"].idxmin()]
+            other = others.sort_values(["broke", "rms_error_m"], kind="stable").iloc[0]
             p = other.p if own.ratio == 1.0 else own.p
             rival = (
-                str(other.planner),
+                marked(str(other.planner), bool(other.broke)),
                 f"{other.rms_error_m:.2f}",
                 f"{own.rms_error_m / other.rms_error_m:.2f}",
                 f"{p:.2g}",
@@ -223,9 +239,11 @@ def suite_figure(suite: Suite) -> "Figure":
     from matplotlib.colors import LogNorm
     from matplotlib.figure import Figure
 
+    from obsplan.report.style import head
+
     planners, scenarios = list(suite.planners["planner"]), sorted(suite.cells["scenario"].unique())
     grid = suite.cells.pivot_table(
-        index="scenario", columns="planner", values=["ratio", "rms_error_m", "ties"]
+        index="scenario", columns="planner", values=["ratio", "rms_error_m", "ties", "broke"]
     ).loc[scenarios]
     ratio = grid["ratio"][planners].to_numpy(dtype=float)
     figure = Figure(
@@ -234,25 +252,26 @@ def suite_figure(suite: Suite) -> "Figure":
     axes = figure.subplots()
     image = axes.imshow(ratio, norm=LogNorm(1.0, SHOWN_WORST), cmap="YlOrBr", aspect="auto")
     for (i, j), times in np.ndenumerate(ratio):
-        error, tied = grid["rms_error_m"][planners].iloc[i, j], grid["ties"][planners].iloc[i, j]
+        error, tied, broke = (
+            grid[key][planners].iloc[i, j] for key in ("rms_error_m", "ties", "broke")
+        )
         style = {
-            "weight": "bold" if tied else "normal",
+            "weight": "bold" if tied == 1 else "normal",
             "color": "white" if times > SHOWN_WORST / 2 else "black",
         }
-        axes.text(j, i, f"{error:.2f}", ha="center", va="center", fontsize=8, **style)
+        number = marked(f"{error:.2f}", bool(broke == 1))
+        axes.text(j, i, number, ha="center", va="center", fontsize=8, **style)
     axes.set_xticks(range(len(planners)), planners, rotation=30, ha="right")
-    axes.set_yticks(range(len(scenarios)), scenarios)
+    axes.set_yticks(range(len(scenarios)), [title(scenario) for scenario in scenarios])
     axes.grid(visible=False)
     ticks = [1.0, 1.5, 2.0, 3.0, SHOWN_WORST]
-    bar = figure.colorbar(image, label="times the best", extend="max", ticks=ticks)
+    bar = figure.colorbar(image, label="Times the best [-]", extend="max", ticks=ticks)
     bar.ax.set_yticklabels([f"{tick:g}" for tick in ticks])
     bar.ax.minorticks_off()
-    figure.suptitle(
-        "Median RMS position error [m]; bold: the best, or not distinguishable from it",
-        x=0.01,
-        ha="left",
-        fontsize=10,
-    )
+    key = "Bold: the best, or not distinguishable from it."
+    if suite.cells["broke"].any():
+        key += " †: broke a limit."
+    head(figure, "Median RMS position error [m]", key)
     return figure
 
 

@@ -6,6 +6,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
+from obsplan.constraints import ROUNDING
 from obsplan.run import Run
 
 COLUMNS = {  # heading of each figure of merit, in words short enough for 80 columns, and its decimals
@@ -17,6 +18,7 @@ COLUMNS = {  # heading of each figure of merit, in words short enough for 80 col
     "mean_nees": ("NEES [-]", 1),
     "separation_mean_m": ("Mean sep. [m]", 1),
     "separation_max_m": ("Max sep. [m]", 1),
+    "violation_max_m": ("Limit broken by [m]", 2),
 }
 CAPTION = "PCRB: posterior Cramér–Rao bound of this path; Bound: of any path; Eff.: Bound / PCRB; NEES: 2 if consistent; sep.: separation"
 
@@ -35,10 +37,10 @@ def run_table(run: Run) -> Table:
     for key in columns:
         table.add_column(Text(COLUMNS[key][0]), justify="right")
     for name, figures in summary["auv"].items():
-        table.add_row(Text(name), *(cell(figures[key], COLUMNS[key][1]) for key in columns))
+        table.add_row(Text(name), *(_figure(key, figures[key]) for key in columns))
     if len(summary["auv"]) > 1:
         table.add_section()
-        table.add_row("all", *(cell(summary["all"][key], COLUMNS[key][1]) for key in columns))
+        table.add_row("all", *(_figure(key, summary["all"][key]) for key in columns))
     return table
 
 
@@ -57,7 +59,7 @@ def run_html(run: Run) -> str:
         "<tbody>",
     ]
     for name, figures in rows.items():
-        cells = "".join(f"<td>{cell(figures[key], COLUMNS[key][1])}</td>" for key in columns)
+        cells = "".join(f"<td>{_figure(key, figures[key])}</td>" for key in columns)
         lines.append(f"<tr><th>{escape(name)}</th>{cells}</tr>")
     return "\n".join([*lines, "</tbody>", "</table>"])
 
@@ -65,6 +67,26 @@ def run_html(run: Run) -> str:
 def title(summary: dict[str, Any]) -> str:
     """What was flown."""
     return f"{summary['scenario']}, {summary['planner']}, seed {summary['seed']}"
+
+
+def _figure(key: str, value: Any) -> str:
+    """A figure of merit as its column shows it."""
+    return violation_cell(value) if key == "violation_max_m" else cell(value, COLUMNS[key][1])
+
+
+def breaks(violation: float | None) -> bool:
+    """Whether that is more than rounding [m]."""
+    return violation is not None and violation > ROUNDING
+
+
+def marked(name: str, broke: bool) -> str:
+    """A name, with a mark if its bearer broke a limit."""
+    return f"{name} †" if broke else name
+
+
+def violation_cell(violation: float | None) -> str:
+    """By how much a limit was broken [m], if one was."""
+    return cell(violation, 2) if violation is None or breaks(violation) else "kept"
 
 
 def cell(value: Any, decimals: int) -> str:

@@ -5,14 +5,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from formulations.consistency import mean_nees_interval
 from formulations.solution import Status
-from obsplan.report.words import metres, moment, percent
+from obsplan.constraints import LimitHistory
+from obsplan.report.words import after, capital, clock, limit_name, metres, moment, percent
 from obsplan.run import Run
 
-OVERCONFIDENT, CAUTIOUS = (
-    4.0,
-    0.5,
-)  # mean NEES, 2 if consistent: errors sqrt(2) times, or half, what the filter states
+TELLING = 4.0  # mean NEES, 2 if consistent, of errors sqrt(2) times too large: to be told apart
 INSIDE = 5.991  # NEES on the 95 % ellipse: chi-square with 2 degrees
 LOST = 5.0  # [σ] median error in the second half of the mission
 AGREE = 0.2  # of the median error: a distance so much smaller explains it
@@ -23,11 +22,42 @@ FARTHEST = 2500.0  # [m], reach of the acoustic modems in use
 def verdicts(run: Run) -> list[str]:
     """Say for each AUV how well it knows its position, whether its filter knows that, and whether it could be fooled.
 
-    ``overconfident`` is a mean NEES above 4, ``cautious`` one below 0.5, where 2 is expected. Lost is a median error above 5σ in the second
-    half of the mission.
+    A filter is ``overconfident`` or ``cautious`` where its mean NEES is above or below the 95 %
+    chi-square interval of as many independent errors as the run is worth, which
+    `Run.independent_errors` says, and consistent within it. Where even errors sqrt(2) times too large (a mean NEES of 4) would be
+    within it, too, they are too few to tell. Lost is a median error above 5σ in the second half of
+    the mission.
     """
     figures = run.summary()["auv"]
     return [sentence(run, i, figures[name]) for i, name in enumerate(run.names)]
+
+
+def limit_notes(run: Run) -> list[str]:
+    """Say of each limit broken by how much, when and where; if none was, which was the closest."""
+    if not run.limits:
+        return []
+    broken = [limit for limit in run.limits if limit.broken.any()]
+    if broken:
+        return [_breach(run, limit) for limit in broken]
+    nearest = max(run.limits, key=lambda limit: limit.violation.max())
+    spare = metres(max(-float(nearest.violation.max()), 0.0))
+    return [
+        f"No limit was broken; the closest was {limit_name(nearest)}, "
+        f"with {spare} to spare {_place(run, nearest.worst)}."
+    ]
+
+
+def _breach(run: Run, limit: LimitHistory) -> str:
+    most, step = metres(float(limit.violation.max())), run.scenario.table.time_step
+    lasted = clock(run, step * np.count_nonzero(limit.broken))
+    where = _place(run, limit.worst)
+    return f"{capital(limit_name(limit))} was broken by up to {most} {where}, for {lasted} in all."
+
+
+def _place(run: Run, k: int) -> str:
+    """When and where the aid vehicle was at a sample."""
+    x, y = run.cna[k, :2]
+    return f"{after(run, k)} (aid vehicle at east {x:.1f} m, north {y:.1f} m)"
 
 
 def planner_notes(run: Run) -> list[str]:
@@ -54,7 +84,7 @@ def sentence(run: Run, i: int, figures: dict[str, Any]) -> str:
         return f"{run.names[i]}: position lost, {metres(figures['rms_error_m'])} RMS off ({worst}); {explain_loss(run, i)}."
     clauses = [
         f"position known to {metres(figures['rms_error_m'])} RMS ({worst}){_against_bound(figures)}",
-        _consistency(run.nees[i], figures["mean_nees"]),
+        _consistency(run.nees[i], figures["mean_nees"], float(run.independent_errors[i])),
         _ambiguity(run, i),
         _reach(figures["separation_max_m"]),
     ]
@@ -110,14 +140,20 @@ def _against_bound(figures: dict[str, Any]) -> str:
     return f", {this} Cramér–Rao bound of {metres(pcrb)}{any_path}"
 
 
-def _consistency(nees: Float[np.ndarray, " samples"], mean: float | None) -> str:
-    if mean is None:
+def _consistency(nees: Float[np.ndarray, " samples"], mean: float | None, samples: float) -> str:
+    """Whether errors are what the filter says, as far as so many independent ones tell."""
+    if mean is None or not np.isfinite(samples):
         return ""
-    word = (
-        "overconfident" if mean > OVERCONFIDENT else "cautious" if mean < CAUTIOUS else "consistent"
-    )
-    inside = float(np.mean(nees[np.isfinite(nees)] <= INSIDE))
-    return f"filter {word} (NEES {mean:.3g} where 2 is expected, inside its 95 % ellipse {percent(inside)} of the time)"
+    low, high = mean_nees_interval(samples)
+    evidence = f"about {samples:.0f} independent error{'s' if round(samples) != 1 else ''}"
+    if low <= mean <= high and high > TELLING:
+        return f"whether its filter is consistent cannot be told (NEES {mean:.3g} of {evidence})"
+    chance = f"NEES {mean:.3g}; chance allows {low:.1f} to {high:.1f} for {evidence}"
+    if low <= mean <= high:
+        return f"filter consistent ({chance})"
+    word = "overconfident" if mean > high else "cautious"
+    inside = percent(float(np.mean(nees[np.isfinite(nees)] <= INSIDE)))
+    return f"filter {word} ({chance}; inside its 95 % ellipse {inside} of the time)"
 
 
 def _ambiguity(run: Run, i: int) -> str:

@@ -1,5 +1,6 @@
 """The keys of a scenario file, for people and for editors."""
 
+import re
 from collections.abc import Iterator
 from typing import Any, Literal, get_args, get_origin
 
@@ -20,6 +21,18 @@ def json_schema() -> dict[str, Any]:
 def sections() -> Iterator[tuple[str, list[Row]]]:
     """Every table a scenario may have, by its path, with a row for each key."""
     yield from _sections(ScenarioTable, "")
+
+
+def described(key: str) -> str:
+    """What a key such as ``auv.0.speed`` means, with its unit; empty if no table has it."""
+    path, _, name = re.sub(r"\.\d+(?=\.|$)", "[]", key).rpartition(".")
+    said = [
+        description.partition(";")[0]
+        for table, rows in sections()
+        for own, _, _, description in rows
+        if (table.partition(",")[0], own) == (path, name)
+    ]
+    return " or ".join(dict.fromkeys(said))
 
 
 def _sections(table: type[BaseModel], path: str) -> Iterator[tuple[str, list[Row]]]:
