@@ -2,15 +2,17 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from obsplan.constraints import Disc, Polygon
 from obsplan.missions import Area, read_mission
 from obsplan.scenario.places import LatLon, to_metres
+from obsplan.types import ObsplanError
 
 Shape = Disc | Polygon
+Role = Literal["keep-out", "geofence"]
 
 
 def shape_of(area: Area) -> Shape:
@@ -27,33 +29,44 @@ def shape_of(area: Area) -> Shape:
     return Polygon(points=tuple((x, y) for x, y in area.points.tolist()))
 
 
-def shapes_of(table: Any, *, folder: Path, origin: LatLon) -> list[Shape]:
-    """What an `AreaTable` stands for: one disc, one polygon, or all areas of its file.
+def shapes_of(table: Any, role: Role, *, folder: Path, origin: LatLon) -> list[Shape]:
+    """What an `AreaTable` stands for: one disc, one polygon, or the areas of its file that may have this role.
 
     Raises
     ------
     ValueError
-        An area that encloses nothing, or a file without any.
+        An area that encloses nothing, or one farther from the origin than the map reaches.
     ObsplanError
-        A file that cannot be read.
+        A file that cannot be read, or has no such area.
     """
     if table.file is not None:
-        return _read_shapes(folder / table.file, origin)
+        return _read_shapes(folder / table.file, role, origin)
     if table.points is not None:
         return [Polygon(points=table.points)]
     return [Disc(x=table.x, y=table.y, radius=table.radius)]
 
 
-def _read_shapes(path: Path, origin: LatLon) -> list[Shape]:
+def _read_shapes(path: Path, role: Role, origin: LatLon) -> list[Shape]:
+    areas, geographic = _read_areas(path, role)
+    shapes: list[Shape] = []
+    for number, area in enumerate(areas, start=1):
+        try:
+            points = to_metres(area.points, origin) if geographic else area.points
+            shapes.append(shape_of(Area(points=points, radius=area.radius)))
+        except ValueError as error:
+            raise ValueError(f"{path.name}, area {number}: {error}") from None
+    return shapes
+
+
+def _read_areas(path: Path, role: Role) -> tuple[Sequence[Area], bool]:
+    """Areas of a file that it does not call the opposite of the role, and whether they are in degrees."""
     mission = read_mission(path)
-    areas = (*mission.keep_outs, *mission.geofences)
+    areas = mission.keep_outs if role == "keep-out" else mission.geofences
     if not areas:
-        raise ValueError(f"{path.name} holds no area: draw it as a polygon or a circle")
-    if not mission.geographic:
-        return [shape_of(area) for area in areas]
-    return [
-        shape_of(Area(points=to_metres(area.points, origin), radius=area.radius)) for area in areas
-    ]
+        raise ObsplanError(
+            f"{path} holds no area that can be a {role}: draw it as a polygon or a circle"
+        )
+    return areas, mission.geographic
 
 
 def common(fences: Sequence[Shape]) -> Shape:

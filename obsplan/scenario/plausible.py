@@ -11,7 +11,6 @@ from obsplan.types import ObsplanError
 
 SMALLEST = 1.0  # [m]; of a survey, unless its vehicle is as small
 SLOW = 0.1  # [m/s]; of a vehicle that surveys less than that
-DEGREES_SPAN = 3.0  # [degrees]; of longitude, more than a map of 100 km has up to 72 degrees north
 SHORTEST, LONGEST = 1.0, 48 * 3600.0  # [s] of a mission
 
 
@@ -39,8 +38,9 @@ def check_metres_are_metres(name: str, mission: Mission) -> None:
     points = np.concatenate([track.points for track in mission.tracks.values()])
     if looks_like_degrees(points):
         x, y = points[0].tolist()
+        reach = np.ptp(points, axis=0).max()
         raise ObsplanError(
-            f"{name} has ({x}, {y}) and {len(points) - 1} more points within {np.ptp(points, axis=0).max():.2g} m of it, "
+            f"{name} has all its {len(points)} points within {reach:.2g} m of ({x}, {y}), "
             "which look like degrees in columns of metres: head the columns lat and lon"
         )
 
@@ -50,7 +50,7 @@ def looks_like_degrees(points: Float[np.ndarray, "n 2"]) -> bool:
     low, high = points.min(axis=0), points.max(axis=0)
     span = float((high - low).max())
     away = float(np.maximum(low, -high).max())
-    if span >= DEGREES_SPAN or away <= 10 * span:
+    if away <= 10 * span:
         return False
     reach = np.abs(points).max(axis=0)
     on_earth = (reach <= [90.0, 180.0]).all() or (reach <= [180.0, 90.0]).all()

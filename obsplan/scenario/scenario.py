@@ -13,7 +13,7 @@ from obsplan.missions import Mission, read_mission, to_local
 from obsplan.planners import planner_class
 from obsplan.planners.filed import Filed
 from obsplan.planners.protocol import Planner
-from obsplan.scenario.areas import Shape, as_corners, as_entry, common, shapes_of
+from obsplan.scenario.areas import Role, Shape, as_corners, as_entry, common, shapes_of
 from obsplan.scenario.plausible import check_metres_are_metres, known_speeds
 from obsplan.scenario.tables import CONTEXT, FIXED, AreaTable, MissionSurvey, ScenarioTable
 from obsplan.sensors import SENSORS, Heading
@@ -257,7 +257,8 @@ class Scenario:
         """Limits on the aid vehicle's position."""
         table = self.table.constraints
         keep_out = [
-            self._shapes(f"constraints.keep_out.{i}", area) for i, area in enumerate(table.keep_out)
+            self._shapes(f"constraints.keep_out.{i}", area, "keep-out")
+            for i, area in enumerate(table.keep_out)
         ]
         try:
             return Constraints(
@@ -276,14 +277,14 @@ class Scenario:
         key = "constraints.geofence"
         table = fence if isinstance(fence, AreaTable) else AreaTable(points=fence)
         try:
-            return common(self._shapes(key, table))
+            return common(self._shapes(key, table, "geofence"))
         except ValueError as error:
             raise self.error(key, error) from None
 
-    def _shapes(self, key: str, table: AreaTable) -> list[Shape]:
+    def _shapes(self, key: str, table: AreaTable, role: Role) -> list[Shape]:
         """What an area of the file stands for."""
         try:
-            return shapes_of(table, folder=self.folder, origin=self._origin)
+            return shapes_of(table, role, folder=self.folder, origin=self._origin)
         except ValueError as error:
             raise self.error(key, error) from None
 

@@ -165,7 +165,7 @@ class AreaTable(Place):
     points: Corners | None = Field(
         default=None, description="corners of a polygon, each [east, north] [m]"
     )
-    file: str | None = Field(default=None, description=f"{MISSION_FILE}: all areas in it")
+    file: str | None = Field(default=None, description=f"{MISSION_FILE}: the areas in it")
 
     @model_validator(mode="after")
     def _one_of_them(self) -> "AreaTable":

@@ -123,7 +123,7 @@ def _origin(mission: Mission) -> tuple[Point, str]:
     if origin is None:
         return (0.0, 0.0), "a placeholder, since the file is in metres: say where it is"
     if mission.home is None:
-        return origin, "the first waypoint, since the file has no home"
+        return origin, "the first waypoint, for want of a planned home"
     if origin == mission.home:
         return origin, "the planned home"
     lat, lon = mission.home
