@@ -140,14 +140,19 @@ def test_a_round_fence_is_written_round(new):
 
 
 @pytest.mark.parametrize(
-    ("east", "north"),
-    [((-20, 60), (-15, 260)), ((-90, -20), (-50, 300)), ((30, 200), (-200, -20))],
+    ("east", "north", "rock"),
+    [
+        ((-20, 60), (-15, 260), (-50, 20, 20)),
+        ((-90, -20), (-50, 300), (-50, 20, 20)),
+        ((30, 200), (-200, -20), (-50, 20, 20)),
+        ((-58, 200), (-200, 200), (-35, 0, 8)),  # 50 m west is free, and no circle there is
+    ],
 )
-def test_the_start_is_inside_the_fence_with_room_to_turn(new, east, north):
+def test_the_start_is_inside_the_fence_with_room_to_turn(new, east, north, rock):
     corners = [at(e, n) for e in east for n in north]
     fence = Area(points=np.array([corners[0], corners[1], corners[3], corners[2]]))
-    rock = Area(points=np.array([at(-50, 20)]), radius=20.0)
-    said, _ = new(geographic(geofences=(fence,), keep_outs=(rock,)))
+    disc = Area(points=np.array([at(*rock[:2])]), radius=float(rock[2]))
+    said, _ = new(geographic(geofences=(fence,), keep_outs=(disc,)))
     scenario = load("s.toml")
     start = scenario.start
     position = np.array([start.x, start.y])
@@ -157,7 +162,7 @@ def test_the_start_is_inside_the_fence_with_room_to_turn(new, east, north):
 
     def free(points):
         inside = np.logical_and(points > [east[0], north[0]], points < [east[1], north[1]])
-        clear = np.hypot(*(points - [-50, 20]).T) > 20.0
+        clear = np.hypot(*(points - rock[:2]).T) > rock[2]
         return (inside.all(axis=1) & clear).all()
 
     assert free(position[None])

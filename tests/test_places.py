@@ -267,6 +267,16 @@ def test_planners_keep_within_a_round_geofence(planner):
     assert Constraints(geofence=Disc(**fence)) == run.scenario.constraints
 
 
+def test_the_trajectory_program_takes_a_round_fence_as_lines_within_it():
+    fence = {"x": -40.0, "y": 7.0, "radius": 45.0}
+    planner = scenario(constraints={"geofence": fence}, planner={"kind": "trajectory"}).planner()
+    lines = planner._areas.fence
+    assert len(lines) >= 24
+    np.testing.assert_allclose(np.hypot(lines[:, 0], lines[:, 1]), 1.0, rtol=1e-12)
+    room = lines[:, 2] - lines[:, :2] @ [-40.0, 7.0]  # from the centre to each edge
+    assert ((room > 0.99 * 45.0) & (room < 45.0)).all()
+
+
 @pytest.mark.parametrize(
     ("entry", "message"),
     [

@@ -87,7 +87,7 @@ def common(fences: Sequence[Shape]) -> Shape:
         raise ValueError(
             f"the {len(fences)} geofences, all of which hold, have no one area in common: draw one"
         )
-    corners = shapely.get_coordinates(shape.normalize().exterior)[:-1]
+    corners = shapely.get_coordinates(shape.normalize())[:-1]  # the last is the first
     return Polygon(points=tuple((x, y) for x, y in corners.tolist()))
 
 
@@ -95,9 +95,10 @@ def as_entry(shape: Shape) -> dict[str, Any]:
     """Keys of the `AreaTable` that stands for a shape."""
     if isinstance(shape, Disc):
         return {"x": shape.x, "y": shape.y, "radius": shape.radius}
-    return {"points": as_corners(shape)}
+    return {"points": np.array(shape.points, dtype=float).tolist()}
 
 
-def as_corners(polygon: Polygon) -> list[list[float]]:
-    """Corners as a list in a file, east and north [m]."""
-    return np.array(polygon.points, dtype=float).tolist()
+def as_fence(shape: Shape) -> dict[str, Any] | list[list[float]]:
+    """A geofence as the file has it: corners [east, north] [m], or the keys of a round one."""
+    entry = as_entry(shape)
+    return entry.get("points", entry)

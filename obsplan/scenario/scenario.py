@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Integer
 
-from obsplan.constraints import Constraints, Disc
+from obsplan.constraints import Constraints
 from obsplan.missions import Mission, read_mission, to_local
 from obsplan.planners import planner_class
 from obsplan.planners.filed import Filed
 from obsplan.planners.protocol import Planner
-from obsplan.scenario.areas import Role, Shape, as_corners, as_entry, common, shapes_of
+from obsplan.scenario.areas import Role, Shape, as_entry, as_fence, common, shapes_of
 from obsplan.scenario.plausible import check_metres_are_metres, known_speeds
 from obsplan.scenario.tables import CONTEXT, FIXED, AreaTable, MissionSurvey, ScenarioTable
 from obsplan.sensors import SENSORS, Heading
@@ -319,19 +319,18 @@ class Scenario:
         data = self.table.model_dump(mode="json", exclude_none=True)
         for auv, reference, table in zip(data["auv"], self.references, self.table.auv, strict=True):
             if isinstance(table.survey, MissionSurvey):
-                auv["survey"] = _waypoints(reference, paced=table.speed is None)
+                auv["survey"] = _waypoints(reference)
         limits, shapes = data["constraints"], self.constraints
         limits["keep_out"] = [as_entry(shape) for shape in shapes.keep_out]
         if shapes.geofence is not None:
-            round_one = isinstance(shapes.geofence, Disc)
-            limits["geofence"] = (as_entry if round_one else as_corners)(shapes.geofence)
+            limits["geofence"] = as_fence(shapes.geofence)
         return data
 
 
-def _waypoints(reference: Reference, *, paced: bool) -> dict[str, Any]:
-    """Table of the survey that has a reference's vertices and holds, and where it sets the pace its speeds."""
+def _waypoints(reference: Reference) -> dict[str, Any]:
+    """Table of the survey that has a reference's vertices and holds, and its speeds where they are the survey's own."""
     survey: dict[str, Any] = {"kind": "waypoints", "points": reference.polyline.tolist()}
-    if paced and isinstance(reference.speed, np.ndarray):
+    if isinstance(reference.speed, np.ndarray):
         survey["speeds"] = reference.speed.tolist()
     if reference.hold is not None:
         survey["holds"] = reference.hold.tolist()

@@ -14,7 +14,10 @@ from obsplan.surveys import SURVEYS
 # what the scenario itself tells a planner that has such a field: what a user may set otherwise, and what is not the planner's to set
 CONTEXT = ("center", "radius", "ping_interval", "sigma", "ranging_kind", "heading_sigma")
 FIXED = ("cna", "constraints", "decision_interval", "filed")
-PLACES = {"points": Corners, "center": Point}  # fields of surveys and planners that hold places
+PLACES: dict[str, Any] = {
+    "points": Corners,
+    "center": Point,
+}  # fields of surveys and planners that hold places
 
 MISSION_FILE = f"a mission file ({', '.join(READERS)}), relative to the scenario file"
 

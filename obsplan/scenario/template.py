@@ -10,9 +10,8 @@ from typing import Any
 
 import tomlkit
 
-from obsplan.constraints import Disc
 from obsplan.planners import PLANNERS
-from obsplan.scenario.areas import Shape, as_corners, as_entry
+from obsplan.scenario.areas import as_entry, as_fence
 from obsplan.scenario.understood import Surveyor, Understood, plain
 
 WIDTH = 100  # letters of a comment
@@ -159,12 +158,8 @@ def _limits(understood: Understood) -> str:
         entries = "".join(f"    {_inline(as_entry(shape))},\n" for shape in limits.keep_out)
         text += f"keep_out = [                                  # m\n{entries}]\n"
     if limits.geofence is not None:
-        text += f"geofence = {_fence(limits.geofence)}\n"
+        text += f"geofence = {_inline(as_fence(limits.geofence))}\n"
     return text
-
-
-def _fence(shape: Shape) -> str:
-    return _inline(as_entry(shape) if isinstance(shape, Disc) else as_corners(shape))
 
 
 def _inline(value: Any) -> str:
