@@ -290,7 +290,8 @@ def thesis(
 @app.command()
 def new(
     mission_file: Annotated[
-        Path, typer.Argument(metavar="MISSION_FILE", help="GeoJSON, QGroundControl .plan or CSV.")
+        Path,
+        typer.Argument(metavar="MISSION_FILE", help="A survey as your planning program saves it."),
     ],
     out: Annotated[
         Path | None,
@@ -299,10 +300,8 @@ def new(
         ),
     ] = None,
 ) -> None:
-    """Write a commented scenario around your own survey, ready to run."""
-    from obsplan.files import write_atomically
-    from obsplan.scenario import load
-    from obsplan.scenario.template import scenario_text
+    """Write a commented scenario around your own survey, ready to run, and say what was understood of it."""
+    from obsplan.scenario.account import write_new
     from obsplan.types import ObsplanError
 
     path = out or Path(f"{mission_file.stem}.toml")
@@ -310,13 +309,8 @@ def new(
         raise ObsplanError(f"--out {path}: a scenario file ends in .toml; write {path}.toml")
     if path.exists():
         raise ObsplanError(f"{path} exists and is not overwritten; give another name with --out")
-    write_atomically(path, scenario_text(mission_file, path))
-    try:
-        duration = load(path).time[-1]
-    except ObsplanError:
-        path.unlink()
-        raise
-    say(f"Wrote {path}: a mission of {duration / 60:.0f} minutes. Next: obsplan run {path}")
+    for line in write_new(mission_file, path):
+        say(line)
 
 
 @app.command()

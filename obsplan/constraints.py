@@ -1,5 +1,6 @@
 """Where the aid vehicle may be: keep-outs, a geofence, and its distance from the AUVs."""
 
+import reprlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,6 +11,8 @@ from jaxtyping import Bool, Float
 
 from formulations.manoeuvre_search import arcs
 from obsplan.types import Points, as_points
+
+CORNERS = 32  # of the polygon that stands for a disc where only straight edges will do
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +41,14 @@ class Disc:
         """Distance [m] to the edge, negative inside."""
         return np.hypot(positions[..., 0] - self.x, positions[..., 1] - self.y) - self.radius
 
+    def inscribed(self) -> "Polygon":
+        """The regular polygon with `CORNERS` corners on the edge: within the disc, by at most 0.5 % of its radius."""
+        angles = 2 * np.pi * np.arange(CORNERS) / CORNERS
+        corners = np.array([self.x, self.y]) + self.radius * np.column_stack(
+            [np.cos(angles), np.sin(angles)]
+        )
+        return Polygon(points=tuple((x, y) for x, y in corners.tolist()))
+
 
 @dataclass(frozen=True, kw_only=True)
 class Polygon:
@@ -58,7 +69,7 @@ class Polygon:
             raise ValueError(f"a polygon needs at least three corners, got {len(points)}")
         if not (np.isfinite(points).all() and self._shape.is_valid and self._shape.area > 0):
             raise ValueError(
-                f"the line of a polygon must be finite, enclose an area and not cross itself, got {list(points)}"
+                f"the line of a polygon must be finite, enclose an area and not cross itself, got {reprlib.repr(list(points))}"
             )
 
     @cached_property
@@ -115,7 +126,7 @@ class Constraints:
     """
 
     keep_out: tuple[Disc | Polygon, ...] = ()
-    geofence: Polygon | None = None
+    geofence: Disc | Polygon | None = None
     min_separation: float = 0.0
     max_separation: float = float("inf")
 

@@ -278,11 +278,11 @@ def test_constraints_of_a_scenario_are_those_of_its_file():
         ),
         (
             {"keep_out": [{"points": [[0.0, 0.0], [1.0, 0.0]]}]},
-            "constraints: a polygon needs at least three corners, got 2",
+            r"constraints\.keep_out\.0: a polygon needs at least three corners, got 2",
         ),
         (
             {"geofence": [[0.0, 0.0], [9.0, 9.0], [9.0, 0.0], [0.0, 9.0]]},
-            "constraints: the line of a polygon must be finite",
+            r"constraints\.geofence: the line of a polygon must be finite",
         ),
         (
             {"min_separation": 9.0, "max_separation": 5.0},

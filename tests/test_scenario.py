@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from obsplan.missions import READERS, Mission, Track
 from obsplan.scenario import from_dict, load, shipped
 from obsplan.scenario.files import read
 from obsplan.scenario.schema import json_schema, sections
@@ -194,3 +195,83 @@ def test_decisions_are_about_a_second_apart_unless_the_scenario_says(time_step, 
         from_dict({**SMALL, "time_step": time_step, "ranging": {"interval": 6.0}}).decide_every
         == steps
     )
+
+
+# --- the pace of a survey ---------------------------------------------------------------------------------------------------------------
+
+LEGS = np.array([[0.0, 0.0], [30.0, 0.0], [30.0, 40.0]])
+
+
+@pytest.fixture
+def paced(monkeypatch):
+    """A scenario on a mission file that has speeds 3 and 2 m/s, and a hold of 5 s between."""
+    track = Track(points=LEGS, speed=np.array([3.0, 2.0]), hold=np.array([0.0, 5.0, 0.0]))
+    mission = Mission(tracks={"t": track}, geographic=False)
+    monkeypatch.setitem(READERS, ".fake", lambda path: mission)
+
+    def make(**auv):
+        survey = {"kind": "mission", "file": "m.fake"}
+        return from_dict({**SMALL, "time_step": 0.5, "auv": [{"survey": survey, **auv}]})
+
+    return make
+
+
+def test_a_mission_file_sets_the_pace_unless_the_auv_has_a_speed(paced):
+    assert paced().references[0].duration == pytest.approx(10 + 5 + 20, rel=1e-12)
+    assert paced(speed=1.0).references[0].duration == pytest.approx(30 + 5 + 40, rel=1e-12)
+
+
+def test_a_resolved_scenario_keeps_the_pace_without_its_file(paced):
+    for scenario in (paced(), paced(speed=1.0)):
+        again = from_dict(scenario.resolved())
+        assert again.resolved() == scenario.resolved()
+        for name in ("position", "heading", "speed"):
+            np.testing.assert_array_equal(
+                getattr(scenario.motions[0], name), getattr(again.motions[0], name)
+            )
+    survey = paced().resolved()["auv"][0]["survey"]
+    assert (survey["speeds"], survey["holds"]) == ([3.0, 2.0], [0.0, 5.0, 0.0])
+    assert "speeds" not in paced(speed=1.0).resolved()["auv"][0]["survey"]
+
+
+def test_speeds_and_holds_may_stand_in_the_scenario():
+    survey = {**LINE, "speeds": [0.5], "holds": [10.0, 0.0]}
+    assert from_dict({**SMALL, "auv": [{"survey": survey}]}).time[-1] == 210.0
+    with_speed = from_dict({**SMALL, "auv": [{"survey": survey, "speed": 1.0}]})
+    assert with_speed.time[-1] == 110.0
+
+
+@pytest.mark.parametrize(
+    ("auv", "message"),
+    [
+        ({"survey": LINE}, "auv.0.survey: the survey moves and has no speed: give the AUV a speed"),
+        (
+            {"survey": {**LINE, "speeds": [1.0, 1.0]}},
+            "auv.0.survey: speeds must be one for each of the 1 legs, got 2",
+        ),
+        (
+            {"survey": {**LINE, "holds": [0.0, -1.0]}},
+            r"auv.0.survey: holds\[1\] must be from 0 s to 86400 s, a day, got -1.0",
+        ),
+        (
+            {"survey": {**LINE, "speeds": [True]}},
+            r"auv.0.survey.speeds.0 = true .* must be a number",
+        ),
+    ],
+)
+def test_a_pace_that_cannot_be_kept_is_refused_by_key(auv, message):
+    with pytest.raises(ObsplanError, match=message):
+        from_dict({**SMALL, "auv": [auv]})
+
+
+def test_a_speed_in_the_file_that_no_auv_has_is_overridden_or_refused(monkeypatch):
+    mission = Mission(
+        tracks={"t": Track(points=LEGS, speed=np.array([1.0, 15.0]))}, geographic=False
+    )
+    monkeypatch.setitem(READERS, ".fake", lambda path: mission)
+    survey = {"kind": "mission", "file": "m.fake"}
+    with pytest.raises(
+        ObsplanError, match=r"speeds\[1\] must be .*, got 15.0: correct it, or give"
+    ):
+        from_dict({**SMALL, "auv": [{"survey": survey}]})
+    assert from_dict({**SMALL, "auv": [{"survey": survey, "speed": 1.0}]}).time[-1] == 70.0

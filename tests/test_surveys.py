@@ -317,3 +317,149 @@ def test_reference_refuses_an_empty_survey_and_a_heading_that_is_not_finite():
 def test_sampling_needs_increasing_instants(time):
     with pytest.raises(ValueError, match="time must be at least two increasing instants"):
         Static().reference(speed=0.0, current=STILL).sample(np.array(time))
+
+
+# --- a speed per leg, a hold per vertex -------------------------------------------------------------------------------------------------
+
+THREE = np.array([[0.0, 0.0], [30.0, 0.0], [30.0, 40.0], [0.0, 40.0]])  # legs of 30, 40 and 30 m
+PACED = {"speed": np.array([3.0, 2.0, 1.0]), "hold": np.array([5.0, 0.0, 7.0, 4.0])}
+
+
+def test_legs_take_their_length_over_their_own_speed_and_holds_come_on_top():
+    reference = Reference(polyline=THREE, **PACED)
+    np.testing.assert_allclose(reference.arrival, [0, 15, 35, 72], rtol=1e-12)
+    np.testing.assert_allclose(reference.departure, [5, 15, 42, 76], rtol=1e-12)
+    assert reference.duration == pytest.approx(76.0, rel=1e-12)
+
+
+def test_position_stands_while_a_vertex_is_held_and_moves_at_each_legs_speed():
+    reference = Reference(polyline=THREE, **PACED)
+    instants = np.array([-1.0, 0.0, 5.0, 6.0, 15.0, 16.0, 35.0, 38.5, 42.0, 43.0, 72.0, 75.0, 99.0])
+    by_hand = [
+        [0, 0],  # before the start
+        [0, 0],
+        [0, 0],  # held for 5 s
+        [3, 0],
+        [30, 0],  # passed without a stop
+        [30, 2],
+        [30, 40],
+        [30, 40],  # in the middle of a hold
+        [30, 40],
+        [29, 40],
+        [0, 40],
+        [0, 40],  # held at the end
+        [0, 40],  # and kept after it
+    ]
+    np.testing.assert_allclose(reference.position(instants), by_hand, atol=1e-9)
+
+
+def test_each_leg_in_a_current_is_the_wind_triangle_at_its_own_speed():
+    current = np.array([3.0, 0.0])
+    polyline = np.array([[0.0, 0.0], [0.0, 80.0], [40.0, 80.0]])
+    reference = Reference(polyline=polyline, speed=np.array([5.0, 1.0]), current=current)
+    # 5 m/s through the water, 3 across: 4 over ground; then 1 m/s along 3: 4 over ground
+    np.testing.assert_allclose(reference.ground_speed, [4.0, 4.0], rtol=1e-12)
+    np.testing.assert_allclose(reference.arrival, [0.0, 20.0, 30.0], rtol=1e-12)
+
+
+def test_one_speed_on_every_leg_is_the_same_motion_as_that_speed_and_no_hold_as_none():
+    time = np.linspace(-3.0, 200.0, 700)
+    current = np.array([0.3, -0.2])
+    plain = Reference(polyline=THREE, speed=0.8, current=current)
+    paced = Reference(
+        polyline=THREE, speed=np.full(3, 0.8), hold=np.zeros(4), current=current
+    )  # to the bit: results of scenarios without holds do not change
+    for name in ("position", "heading", "speed"):
+        np.testing.assert_array_equal(
+            getattr(plain.sample(time), name), getattr(paced.sample(time), name)
+        )
+
+
+def test_while_held_the_vehicle_rests_or_heads_into_the_current_at_its_speed():
+    time = np.arange(0.0, 60.0)
+    resting = Reference(
+        polyline=THREE, speed=np.array([3.0, 2.0, 1.0]), hold=np.array([0, 9.0, 0, 0])
+    )
+    motion = resting.sample(time)
+    held = (time >= resting.arrival[1]) & (time + 1 <= resting.departure[1])
+    assert held.sum() == 9
+    np.testing.assert_array_equal(motion.speed[held], 0.0)
+    np.testing.assert_allclose(motion.heading[held], 0.0, atol=1e-12)  # that of the leg before
+    drifting = Reference(
+        polyline=THREE,
+        speed=np.array([3.0, 2.0, 1.0]),
+        hold=np.array([5.0, 0, 0, 0]),
+        current=np.array([0.0, 0.6]),
+    ).sample(time)
+    np.testing.assert_allclose(drifting.speed[:5], 0.6, atol=1e-12)
+    np.testing.assert_allclose(drifting.heading[:5], -math.pi / 2, atol=1e-12)
+
+
+@given(
+    polyline=polylines(),
+    current=currents(),
+    dt=st.floats(0.05, 30),
+    random=st.randoms(use_true_random=False),
+)
+def test_paced_motion_leads_from_sample_to_sample(polyline, current, dt, random):
+    n = len(polyline)
+    reference = Reference(
+        polyline=polyline,
+        speed=np.array([random.uniform(1.0, 3.0) for _ in range(n - 1)]),
+        hold=np.array([random.choice([0.0, random.uniform(0, 90)]) for _ in range(n)]),
+        current=current,
+    )
+    time = dt * np.arange(-2, min(400, int(reference.duration / dt) + 4))
+    motion = reference.sample(time)
+    towards = np.column_stack([np.cos(motion.heading), np.sin(motion.heading)])
+    steps = dt * (motion.speed[:, None] * towards + current)
+    np.testing.assert_allclose(np.diff(motion.position, axis=0), steps[:-1], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(reference.position(reference.departure), polyline, atol=1e-9)
+    np.testing.assert_allclose(reference.position(reference.arrival), polyline, atol=1e-9)
+
+
+def test_formation_keeps_its_leaders_pace():
+    leader = Reference(polyline=THREE, **PACED)
+    own = Formation(leader="alpha", east=5.0, north=-7.0).follow(leader)
+    np.testing.assert_array_equal(own.arrival, leader.arrival)
+    np.testing.assert_array_equal(own.departure, leader.departure)
+
+
+def test_waypoints_keep_their_own_speeds_unless_the_auv_has_one():
+    survey = Waypoints(
+        points=((0.0, 0.0), (30.0, 0.0), (30.0, 40.0)), speeds=(3.0, 2.0), holds=(0.0, 5.0, 0.0)
+    )
+    own = survey.reference(speed=None, current=STILL)
+    np.testing.assert_allclose(own.arrival, [0.0, 10.0, 35.0], rtol=1e-12)
+    given_one = survey.reference(speed=1.0, current=STILL)
+    np.testing.assert_allclose(given_one.arrival, [0.0, 30.0, 75.0], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"speeds": (1.0,)}, "speeds must be one for each of the 2 legs, got 1"),
+        ({"speeds": (1.0, 1.0, 1.0)}, "speeds must be one for each of the 2 legs, got 3"),
+        ({"speeds": (1.0, 0.0)}, r"speeds\[1\] must be from 0.001 m/s.*, got 0.0: correct it"),
+        ({"speeds": (300.0, 1.0)}, r"speeds\[0\] must be .* to 10.0 m/s, .* got 300.0"),
+        ({"speeds": (1.0, math.nan)}, r"speeds\[1\] must be .* got nan"),
+        ({"holds": (1.0, 1.0)}, "holds must be one for each of the 3 points, got 2"),
+        ({"holds": (0.0, -1.0, 0.0)}, r"holds\[1\] must be from 0 s to 86400 s, a day, got -1.0"),
+        ({"holds": (0.0, 0.0, 1e6)}, r"holds\[2\] must be .* got 1000000.0: correct it"),
+        ({"holds": (math.nan, 0.0, 0.0)}, r"holds\[0\] must be .* got nan"),
+    ],
+)
+def test_speeds_and_holds_out_of_their_bounds_are_refused_by_index_and_value(change, message):
+    points = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0))
+    with pytest.raises(ValueError, match=message):
+        Waypoints(points=points, **change)
+
+
+def test_a_survey_that_moves_needs_a_speed_from_somewhere_and_a_station_does_not():
+    with pytest.raises(ValueError, match="the survey moves and has no speed: give the AUV a speed"):
+        Lawnmower(legs=2, length=10.0, spacing=1.0).reference(speed=None, current=STILL)
+    with pytest.raises(ValueError, match=r"too strong for leg 1, .* at 0.5 m/s"):
+        Reference(
+            polyline=THREE, speed=np.array([2.0, 0.5, 2.0]), current=np.array([0.0, -1.0])
+        )  # the slow leg alone
+    assert Static().reference(speed=None, current=STILL).duration == 0.0

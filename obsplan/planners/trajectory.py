@@ -211,8 +211,11 @@ class Trajectory:
             for area in limits.keep_out
             if isinstance(area, Polygon)
         ]
-        fence = None if limits.geofence is None else np.array(limits.geofence.points, dtype=float)
-        return convex_areas(discs.reshape(-1, 3), polygons, fence)
+        fence = limits.geofence
+        if isinstance(fence, Disc):
+            fence = fence.inscribed()
+        corners = None if fence is None else np.array(fence.points, dtype=float)
+        return convex_areas(discs.reshape(-1, 3), polygons, corners)
 
     def _limits(self, auvs: Sequence[Belief]) -> Limits:
         """The constraints, the AUVs being where they are expected."""

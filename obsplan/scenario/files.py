@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from obsplan.planners import PLANNERS
 from obsplan.scenario.messages import as_error, nearest
 from obsplan.scenario.scenario import Scenario
-from obsplan.scenario.tables import ScenarioTable
+from obsplan.scenario.tables import Origin, ScenarioTable
 from obsplan.types import ObsplanError
 
 SHIPPED = Path(str(files("obsplan") / "scenarios"))
@@ -65,12 +65,22 @@ def from_dict(data: dict[str, Any], *, source: str = "scenario", folder: Path = 
         As `load`.
     """
     try:
-        table = ScenarioTable.model_validate(tuples(data))
+        contents = tuples(data)
+        table = ScenarioTable.model_validate(contents, context={"origin": origin_of(contents)})
     except ValidationError as error:
         raise as_error(source, error) from None
     scenario = Scenario(table=table, source=source, folder=folder)
     scenario.check()
     return scenario
+
+
+def origin_of(data: dict[str, Any]) -> tuple[float, float] | None:
+    """Latitude and longitude of a scenario's origin [deg]; None where it is missing or wrong."""
+    try:
+        origin = Origin.model_validate(data.get("origin"))
+    except ValidationError:  # said when all of the contents are checked
+        return None
+    return origin.lat, origin.lon
 
 
 def changed(scenario: Scenario, changes: dict[str, Any]) -> Scenario:

@@ -5,7 +5,8 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from obsplan.scenario.tables import ScenarioTable
+from obsplan.scenario.places import DEGREES, METRES, Degrees, InDegrees
+from obsplan.scenario.tables import AREA, CORNERS, AreaTable, ScenarioTable
 from obsplan.types import ObsplanError
 
 REASONS = {  # where pydantic's words are Python's and not the file's
@@ -18,6 +19,15 @@ REASONS = {  # where pydantic's words are Python's and not the file's
     "string_pattern_mismatch": "must begin with a letter or digit and have no other characters",
     "float_type": "must be a number",
     "int_type": "must be a whole number",
+}
+
+LONGEST_VALUE = 80  # letters of a value that is shown
+
+FORMS: dict[int | str, type[BaseModel] | None] = {
+    METRES: None,
+    DEGREES: Degrees,
+    CORNERS: None,
+    AREA: AreaTable,
 }
 
 
@@ -52,8 +62,12 @@ def as_error(source: str, error: ValidationError) -> ObsplanError:
         return ObsplanError(
             f'{source}: {key}.kind = "{tag}" is not known; {nearest(tag, kinds(field))}'
         )
-    reason = REASONS.get(fault["type"], fault["msg"].replace("Input should be", "must be"))
-    value = "" if isinstance(fault["input"], dict) else f" = {as_toml(fault['input'])}"
+    said = fault["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+    reason = REASONS.get(fault["type"], said)
+    written = as_toml(fault["input"])
+    if len(written) > LONGEST_VALUE:
+        written = f"{written[:LONGEST_VALUE]}..."
+    value = "" if isinstance(fault["input"], dict) else f" = {written}"
     return ObsplanError(f"{source}: {key}{value}{about}: {reason}")
 
 
@@ -69,8 +83,8 @@ def locate(loc: tuple[int | str, ...]) -> tuple[type[BaseModel] | None, list[str
     path: list[str] = []
     holder, field, tags = table, None, {}
     for part in loc:
-        if part in tags:  # pydantic puts the tag of a union into the path; the file has no such key
-            table, tags = tags[part], {}
+        if part in FORMS or part in tags:  # pydantic's name for one of several; no key of the file
+            table, tags = (FORMS | tags)[part] or table, {}
             continue
         path.append(str(part))
         if isinstance(part, int):
@@ -84,7 +98,9 @@ def locate(loc: tuple[int | str, ...]) -> tuple[type[BaseModel] | None, list[str
 
 
 def tables_in(annotation: Any) -> list[type[BaseModel]]:
-    """The tables among the alternatives of a type."""
+    """The tables among the alternatives of a type; a corner in degrees is a value, and none of them."""
+    if annotation == InDegrees:
+        return []
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [table for part in get_args(annotation) for table in tables_in(part)]

@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Integer
 
-from obsplan.constraints import Constraints, Disc, Polygon
+from obsplan.constraints import Constraints
+from obsplan.missions import Mission, read_mission, to_local
 from obsplan.planners import DEFAULT_PLANNER, planner_class
 from obsplan.planners.filed import Filed
 from obsplan.planners.protocol import Planner
-from obsplan.scenario.tables import CONTEXT, FIXED, MissionSurvey, ScenarioTable
+from obsplan.scenario.areas import Role, Shape, as_entry, as_fence, common, shapes_of
+from obsplan.scenario.plausible import check_metres_are_metres, known_speeds
+from obsplan.scenario.tables import CONTEXT, FIXED, AreaTable, MissionSurvey, ScenarioTable
 from obsplan.sensors import SENSORS, Heading
 from obsplan.surveys import SURVEYS, Motion, Reference, Waypoints
 from obsplan.types import ObsplanError, Pose
@@ -112,7 +115,8 @@ class Scenario:
         auv = self.table.auv[i]
         current = np.array(self.table.environment.current)
         if isinstance(auv.survey, MissionSurvey):
-            return self._mission(auv.survey).reference(speed=auv.speed, current=current)
+            survey = self._mission(auv.survey, paced=auv.speed is None)
+            return survey.reference(speed=auv.speed, current=current)
         survey = SURVEYS[auv.survey.kind](**options(SURVEYS[auv.survey.kind], auv.survey))
         if auv.survey.kind != "formation":
             return survey.reference(speed=auv.speed, current=current)
@@ -122,18 +126,36 @@ class Scenario:
             )
         return survey.follow(done[survey.leader])
 
-    def _mission(self, survey: MissionSurvey) -> Waypoints:
-        from obsplan.missions import read_mission, to_local
-
-        mission = to_local(
-            read_mission(self.folder / survey.file), (self.table.origin.lat, self.table.origin.lon)
+    def _mission(self, survey: MissionSurvey, *, paced: bool) -> Waypoints:
+        """The track of a mission file, with its holds, and where it is to set the pace with its speeds."""
+        tracks = self._missions[survey.file].tracks
+        name = survey.track if survey.track is not None else next(iter(tracks))
+        if name not in tracks:
+            raise ValueError(f'{survey.file} has no track "{name}"; it has {", ".join(tracks)}')
+        track = tracks[name]
+        speeds = known_speeds(track) if paced else None
+        return Waypoints(
+            points=tuple((x, y) for x, y in track.points.tolist()),
+            speeds=None if speeds is None else tuple(speeds.tolist()),
+            holds=None if track.hold is None else tuple(track.hold.tolist()),
         )
-        name = survey.track if survey.track is not None else next(iter(mission.tracks))
-        if name not in mission.tracks:
-            raise ValueError(
-                f'{survey.file} has no track "{name}"; it has {", ".join(mission.tracks)}'
-            )
-        return Waypoints(points=tuple((float(x), float(y)) for x, y in mission.tracks[name].points))
+
+    @cached_property
+    def _missions(self) -> dict[str, Mission]:
+        """Every mission file a survey names, in metres."""
+        surveys = [auv.survey for auv in self.table.auv]
+        names = dict.fromkeys(s.file for s in surveys if isinstance(s, MissionSurvey))
+        return {name: self._read_mission(name) for name in names}
+
+    def _read_mission(self, name: str) -> Mission:
+        mission = read_mission(self.folder / name)
+        check_metres_are_metres(name, mission)
+        return to_local(mission, self._origin)
+
+    @property
+    def _origin(self) -> tuple[float, float]:
+        origin = self.table.origin
+        return origin.lat, origin.lon
 
     @cached_property
     def time(self) -> Float[np.ndarray, " steps"]:
@@ -270,15 +292,37 @@ class Scenario:
     def constraints(self) -> Constraints:
         """Limits on the aid vehicle's position."""
         table = self.table.constraints
+        keep_out = [
+            self._shapes(f"constraints.keep_out.{i}", area, "keep-out")
+            for i, area in enumerate(table.keep_out)
+        ]
         try:
             return Constraints(
-                keep_out=tuple(_area(area) for area in table.keep_out),
-                geofence=None if table.geofence is None else Polygon(points=table.geofence),
+                keep_out=tuple(shape for shapes in keep_out for shape in shapes),
+                geofence=self._geofence(),
                 min_separation=table.min_separation,
                 max_separation=np.inf if table.max_separation is None else table.max_separation,
             )
         except ValueError as error:
             raise self.error("constraints", error) from None
+
+    def _geofence(self) -> Shape | None:
+        fence = self.table.constraints.geofence
+        if fence is None:
+            return None
+        key = "constraints.geofence"
+        table = fence if isinstance(fence, AreaTable) else AreaTable(points=fence)
+        try:
+            return common(self._shapes(key, table, "geofence"))
+        except ValueError as error:
+            raise self.error(key, error) from None
+
+    def _shapes(self, key: str, table: AreaTable, role: Role) -> list[Shape]:
+        """What an area of the file stands for."""
+        try:
+            return shapes_of(table, role, folder=self.folder, origin=self._origin)
+        except ValueError as error:
+            raise self.error(key, error) from None
 
     @cached_property
     def _filed(self) -> Filed:
@@ -307,21 +351,26 @@ class Scenario:
         return {"center": (center.x, center.y), "radius": radius}
 
     def resolved(self) -> dict[str, Any]:
-        """Contents of a file that gives this scenario again: mission files replaced by their waypoints, nothing left to a default."""
+        """Contents of a file that gives this scenario again: mission files replaced by what they hold, nothing left to a default."""
         data = self.table.model_dump(mode="json", exclude_none=True)
         for auv, reference, table in zip(data["auv"], self.references, self.table.auv, strict=True):
             if isinstance(table.survey, MissionSurvey):
-                auv["survey"] = {"kind": "waypoints", "points": reference.polyline.tolist()}
+                auv["survey"] = _waypoints(reference)
+        limits, shapes = data["constraints"], self.constraints
+        limits["keep_out"] = [as_entry(shape) for shape in shapes.keep_out]
+        if shapes.geofence is not None:
+            limits["geofence"] = as_fence(shapes.geofence)
         return data
 
 
-def _area(table: Any) -> Disc | Polygon:
-    """Keep-out of its table: a disc or a polygon."""
-    return (
-        Polygon(points=table.points)
-        if table.points is not None
-        else Disc(x=table.x, y=table.y, radius=table.radius)
-    )
+def _waypoints(reference: Reference) -> dict[str, Any]:
+    """Table of the survey that has a reference's vertices and holds, and its speeds where they are the survey's own."""
+    survey: dict[str, Any] = {"kind": "waypoints", "points": reference.polyline.tolist()}
+    if isinstance(reference.speed, np.ndarray):
+        survey["speeds"] = reference.speed.tolist()
+    if reference.hold is not None:
+        survey["holds"] = reference.hold.tolist()
+    return survey
 
 
 def options(cls: type, table: Any) -> dict[str, Any]:

@@ -2,12 +2,14 @@
 
 import re
 from collections.abc import Iterator
-from typing import Any, Literal, get_args, get_origin
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 from obsplan.scenario.messages import as_toml, kind_of, tables_in
+from obsplan.scenario.places import DEGREES, InDegrees, Place
 from obsplan.scenario.tables import ScenarioTable
 
 Row = tuple[str, str, str, str]  # key, type, default, description
@@ -36,15 +38,28 @@ def described(key: str) -> str:
 
 
 def _sections(table: type[BaseModel], path: str) -> Iterator[tuple[str, list[Row]]]:
-    inner = {name: tables_in(field.annotation) for name, field in table.model_fields.items()}
-    yield path, [_row(name, field) for name, field in table.model_fields.items() if not inner[name]]
-    for name, tables in inner.items():
-        many = get_origin(table.model_fields[name].annotation) is tuple
+    fields = list(table.model_fields.items())
+    if issubclass(table, Place):  # a reader meets x and y before what may stand for them
+        fields.sort(key=lambda item: item[0] in Place.model_fields)
+    yield path, [_row(name, field) for name, field in fields if values_in(field.annotation)]
+    for name, field in fields:
+        tables = tables_in(field.annotation)
+        many = get_origin(field.annotation) is tuple
         below = f"{path}.{name}".lstrip(".") + ("[]" if many else "")
         for one in tables:
             yield from _sections(
                 one, f'{below}, kind = "{kind_of(one)}"' if len(tables) > 1 else below
             )
+
+
+def values_in(annotation: Any) -> list[Any]:
+    """The alternatives of a type that are values in a line, and no tables of their own."""
+    parts = get_args(annotation)
+    if get_origin(annotation) is Annotated and annotation != InDegrees:
+        return values_in(parts[0])
+    if get_origin(annotation) in (Union, UnionType):
+        return [value for part in parts for value in values_in(part)]
+    return [] if annotation is NoneType or tables_in(annotation) else [annotation]
 
 
 def _row(name: str, field: Any) -> Row:
@@ -61,19 +76,21 @@ def _row(name: str, field: Any) -> Row:
 
 def _type(annotation: Any) -> str:
     """A type as a user would say it."""
-    if get_origin(annotation) is Literal:
-        return " | ".join(f'"{choice}"' for choice in get_args(annotation))
-    parts = [part for part in get_args(annotation) if part is not type(None)]
-    if get_origin(annotation) is tuple:
-        return (
-            f"list of {_type(parts[0])}"
-            if parts[-1] is Ellipsis
-            else f"[{', '.join(_type(part) for part in parts)}]"
-        )
-    if parts and not isinstance(parts[0], type) and get_origin(parts[0]) is None:
-        return _type(annotation.__origin__)
-    if parts:
-        return _type(parts[0])
+    names = [_name(value) for value in values_in(annotation)]
+    if tables_in(annotation):
+        names.append("a table")
+    return " or ".join(names)
+
+
+def _name(value: Any) -> str:
+    parts = get_args(value)
+    if value == InDegrees:
+        return DEGREES
+    if get_origin(value) is Literal:
+        return " | ".join(f'"{choice}"' for choice in parts)
+    if get_origin(value) is tuple:
+        many = parts[-1] is Ellipsis
+        return f"list of {_type(parts[0])}" if many else f"[{', '.join(map(_type, parts))}]"
     return {float: "number", int: "integer", str: "text", bool: "true | false"}.get(
-        annotation, str(annotation)
+        value, str(value)
     )

@@ -3,33 +3,29 @@
 from dataclasses import MISSING, fields
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
+from pydantic import Discriminator, Field, Tag, create_model, model_validator
 
+from obsplan.missions import READERS
 from obsplan.planners import PLANNERS, planner_class
+from obsplan.scenario.base import NonNegative, Positive, Table
+from obsplan.scenario.places import Corners, Degrees, Place, Point
 from obsplan.surveys import SURVEYS
-from obsplan.types import Point, Points
-
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
 
 # what the scenario itself tells a planner that has such a field: what a user may set otherwise, and what is not the planner's to set
 CONTEXT = ("center", "radius", "ping_interval", "sigma", "ranging_kind", "heading_sigma")
 FIXED = ("cna", "constraints", "decision_interval", "filed")
+PLACES: dict[str, Any] = {
+    "points": Corners,
+    "center": Point,
+}  # fields of surveys and planners that hold places
 
-# what a file holds where a constructor also takes arrays
-IN_FILES: dict[Any, Any] = {Point: tuple[float, float], Points: tuple[tuple[float, float], ...]}
-
-
-class Table(BaseModel):
-    """A table of the file: unknown keys and numbers that are not finite are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+MISSION_FILE = f"a mission file ({', '.join(READERS)}), relative to the scenario file"
 
 
 def table_of(
     cls: type, name: str, *, kind: str, optional: tuple[str, ...] = (), omit: tuple[str, ...] = ()
 ) -> type[Table]:
-    """Table with a key for every field of a dataclass; a field ``heading`` becomes the key ``heading_deg``.
+    """Table with a key for every field of a dataclass; a field ``heading`` becomes the key ``heading_deg``, x and y make a `Place`.
 
     A field's description is the string in its ``Annotated`` type. Fields in ``optional`` may be left out and are then None.
     """
@@ -40,7 +36,7 @@ def table_of(
             continue
         hint, default = hints[f.name], ... if f.default is MISSING else f.default
         description = hint.__metadata__[0] if hasattr(hint, "__metadata__") else ""
-        hint = IN_FILES.get(getattr(hint, "__origin__", hint), hint)
+        hint = PLACES.get(f.name, hint)
         if f.name in optional:
             hint, default = hint | None, None
         key, description = (
@@ -49,17 +45,15 @@ def table_of(
             else (f.name, description)
         )
         keys[key] = (hint, Field(default, description=description))
-    return create_model(name, __base__=Table, __module__=__name__, **keys)
+    base = Place if {"x", "y"} <= keys.keys() else Table
+    return create_model(name, __base__=base, __module__=__name__, **keys)
 
 
-class Origin(Table):
+class Origin(Degrees):
     """Where local east/north is zero."""
 
-    lat: float = Field(ge=-90, le=90, description="latitude [deg], WGS84")
-    lon: float = Field(ge=-180, le=180, description="longitude [deg], WGS84")
 
-
-class Start(Table):
+class Start(Place):
     """Where the aid vehicle starts."""
 
     x: float = Field(default=0.0, description="east [m]")
@@ -81,16 +75,14 @@ class MissionSurvey(Table):
     """A survey read from a mission file."""
 
     kind: Literal["mission"] = Field(default="mission", description="which one")
-    file: str = Field(
-        description="GeoJSON, QGroundControl .plan or CSV file; relative to the scenario file"
-    )
+    file: str = Field(description=f"{MISSION_FILE}; its speeds and holds are kept")
     track: str | None = Field(
         default=None,
         description="name of the track, where the file has several; default: the first",
     )
 
 
-class FirstEstimate(Table):
+class FirstEstimate(Place):
     """The filter's first mean and standard deviations; what is left out of the mean is drawn about the truth with its sigma."""
 
     x: float | None = Field(default=None, description="east [m]")
@@ -133,7 +125,11 @@ class Auv(Table):
     name: str = Field(
         default="", description="name in tables and figures; default: auv-1, auv-2, ..."
     )
-    speed: NonNegative = Field(default=0.0, description="speed through the water [m/s]")
+    speed: NonNegative | None = Field(
+        default=None,
+        description="speed through the water on every leg [m/s]; default: the speeds of the survey or its file, "
+        "where a leg without one takes that before it, or else after it",
+    )
     weight: NonNegative = Field(default=1.0, description="weight in the planner's objective")
     survey: Survey = Field(description="what it follows over ground")  # pyright: ignore[reportInvalidTypeForm]
     first_estimate: FirstEstimate = FirstEstimate()
@@ -163,30 +159,45 @@ class Ranging(Table):
     )
 
 
-class KeepOut(Table):
-    """An area the aid vehicle must not enter: a disc by its centre and radius, or a polygon by its corners."""
+class AreaTable(Place):
+    """An area: a disc by its centre and radius, a polygon by its corners, or those of a file."""
 
     x: float | None = Field(default=None, description="centre of a disc, east [m]")
     y: float | None = Field(default=None, description="centre of a disc, north [m]")
     radius: Positive | None = Field(default=None, description="radius of a disc [m]")
-    points: tuple[tuple[float, float], ...] | None = Field(
+    points: Corners | None = Field(
         default=None, description="corners of a polygon, each [east, north] [m]"
     )
+    file: str | None = Field(default=None, description=f"{MISSION_FILE}: the areas in it")
 
     @model_validator(mode="after")
-    def _one_of_both(self) -> "KeepOut":
-        if [self.x, self.y, self.radius].count(None) != (0 if self.points is None else 3):
-            raise ValueError("give either x, y and radius, or points")
+    def _one_of_them(self) -> "AreaTable":
+        disc = [value is not None for value in (self.x, self.y, self.radius)]
+        whole = all(disc) or not any(disc)
+        if (
+            not whole
+            or [all(disc), self.points is not None, self.file is not None].count(True) != 1
+        ):
+            raise ValueError(
+                "give either x, y and radius, or points, or file; lat and lon may stand for x and y"
+            )
         return self
+
+
+CORNERS, AREA = "[ corners ]", "{ area }"  # pydantic's names for the two forms of a geofence
 
 
 class ConstraintsTable(Table):
     """Where the aid vehicle may be: some planners plan within it, the others are kept within it."""
 
-    keep_out: tuple[KeepOut, ...] = Field(default=(), description="areas not to enter")
-    geofence: tuple[tuple[float, float], ...] | None = Field(
-        default=None, description="corners of the area not to leave [east, north] [m]"
-    )
+    keep_out: tuple[AreaTable, ...] = Field(default=(), description="areas not to enter")
+    geofence: (
+        Annotated[
+            Annotated[Corners, Tag(CORNERS)] | Annotated[AreaTable, Tag(AREA)],
+            Discriminator(lambda value: AREA if isinstance(value, dict | AreaTable) else CORNERS),
+        ]
+        | None
+    ) = Field(default=None, description="corners of the area not to leave, each [east, north] [m]")
     min_separation: NonNegative = Field(default=0.0, description="least distance to any AUV [m]")
     max_separation: Positive | None = Field(
         default=None, description="greatest distance to any AUV [m]; default: none"

@@ -32,5 +32,5 @@ class Formation:
                 raise ValueError(f"{name} must be finite [m], got {value}")
 
     def follow(self, leader: Reference) -> Reference:
-        """Motion beside the leader's, at the leader's speed."""
+        """Motion beside the leader's, at the leader's speeds and holds."""
         return replace(leader, polyline=leader.polyline + np.array([self.east, self.north]))

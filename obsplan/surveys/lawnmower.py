@@ -52,6 +52,6 @@ class Lawnmower:
             [self.x + cos * along - sin * across, self.y + sin * along + cos * across]
         )
 
-    def reference(self, *, speed: float, current: Float[np.ndarray, " 2"]) -> Reference:
+    def reference(self, *, speed: float | None, current: Float[np.ndarray, " 2"]) -> Reference:
         """Motion along the legs at a speed through the water [m/s] in a current [m/s]."""
         return Reference(polyline=self.vertices(), speed=speed, current=current)

@@ -1,7 +1,9 @@
 """Motion of an AUV that follows a polyline over ground at a constant speed through the water."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -9,6 +11,8 @@ from jaxtyping import Float
 SHORTEST_LEG = (
     1e-3  # [m]; below it two waypoints are one: a mission file resolves about 1 cm (1e-7 degrees)
 )
+SLOWEST, FASTEST = 1e-3, 10.0  # [m/s]; slower is a station, and no survey AUV is faster
+LONGEST_HOLD = 86_400.0  # [s]; a vehicle that waits for more than a day is moored
 
 
 def check_polyline(polyline: Float[np.ndarray, "n 2"]) -> None:
@@ -34,6 +38,42 @@ def check_polyline(polyline: Float[np.ndarray, "n 2"]) -> None:
         )
 
 
+def check_speeds(speeds: Sequence[float] | np.ndarray, legs: int) -> None:
+    """Refuse speeds through the water [m/s] that are not one for each leg, from `SLOWEST` to `FASTEST`.
+
+    Raises
+    ------
+    ValueError
+        Too few, too many, or one out of range; names its index, from 0.
+    """
+    if len(speeds) != legs:
+        raise ValueError(f"speeds must be one for each of the {legs} legs, got {len(speeds)}")
+    for i, speed in enumerate(speeds):
+        if not SLOWEST <= speed <= FASTEST:
+            raise ValueError(
+                f"speeds[{i}] must be from {SLOWEST} m/s, less being a station, to {FASTEST} m/s, which no survey AUV "
+                f"exceeds, got {speed}: correct it, or give the AUV a speed, which then holds on every leg"
+            )
+
+
+def check_holds(holds: Sequence[float] | np.ndarray, vertices: int) -> None:
+    """Refuse waiting times [s] that are not one for each vertex, from 0 to `LONGEST_HOLD`.
+
+    Raises
+    ------
+    ValueError
+        Too few, too many, or one out of range; names its index, from 0.
+    """
+    if len(holds) != vertices:
+        raise ValueError(f"holds must be one for each of the {vertices} points, got {len(holds)}")
+    for i, hold in enumerate(holds):
+        if not 0 <= hold <= LONGEST_HOLD:
+            raise ValueError(
+                f"holds[{i}] must be from 0 s to {LONGEST_HOLD:.0f} s, a day, got {hold}: "
+                'correct it; to stay at a point for good use kind "static"'
+            )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Motion:
     """Sampled motion: p[k+1] = p[k] + (t[k+1] - t[k]) (V[k] (cos ψ[k], sin ψ[k]) + c), exactly.
@@ -49,7 +89,7 @@ class Motion:
     speed: Float[np.ndarray, " steps"]  # V, through the water [m/s]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Reference:
     r"""Track held over ground in a uniform current, with sharp corners.
 
@@ -57,17 +97,21 @@ class Reference:
 
     .. math:: v_g = e \cdot c + \sqrt{V^2 - (n \cdot c)^2}
 
-    Before time 0 it waits at the first vertex, and after `duration` it keeps station at the last (heading into the current, at the
+    Before time 0, while it holds at a vertex and after `duration`, at the last one, it keeps station (heading into the current, at the
     current's speed; whether it could is not asked). A single vertex is a station kept throughout.
 
     Raises
     ------
     ValueError
-        Speed not positive on a survey that moves, a polyline `check_polyline` refuses, or a current too strong for a leg.
+        No speed on a survey that moves, or one that is not positive; speeds or holds out of their bounds, or not one for each leg or
+        vertex; a polyline `check_polyline` refuses; or a current too strong for a leg.
     """
 
     polyline: Float[np.ndarray, "n 2"]  # vertices, east and north [m]
-    speed: float  # V, through the water [m/s]
+    speed: (
+        Float[np.ndarray, " legs"] | float | None
+    )  # V, through the water, of each leg or of all [m/s]; None only where nothing moves
+    hold: Float[np.ndarray, " n"] | None = None  # time kept at each vertex [s]; None: none
     current: Float[np.ndarray, " 2"] = field(
         default_factory=lambda: np.zeros(2)
     )  # c, east and north [m/s]
@@ -81,27 +125,42 @@ class Reference:
             )
         if not math.isfinite(self.initial_heading):
             raise ValueError(f"initial_heading must be finite [rad], got {self.initial_heading}")
+        if self.hold is not None:
+            check_holds(self.hold, len(self.polyline))
         if len(self.polyline) > 1:
-            if not 0 < self.speed < math.inf:
-                raise ValueError(
-                    f"speed of a survey that moves must be positive and finite [m/s], got {self.speed}"
-                )
+            self._check_speed()
             self._check_current()
+
+    def _check_speed(self) -> None:
+        if self.speed is None:
+            raise ValueError("the survey moves and has no speed: give the AUV a speed [m/s]")
+        if isinstance(self.speed, np.ndarray):
+            check_speeds(self.speed, len(self.polyline) - 1)
+        elif not 0 < self.speed < math.inf:
+            raise ValueError(
+                f"speed of a survey that moves must be positive and finite [m/s], got {self.speed}"
+            )
 
     def _check_current(self) -> None:
         along, across = self._current_on_legs()
-        stuck = np.flatnonzero(~((np.abs(across) < self.speed) & (self.ground_speed > 0)))
+        stuck = np.flatnonzero(~((np.abs(across) < self._speeds) & (self.ground_speed > 0)))
         if stuck.size:
             i = stuck[0]
             heading = math.degrees(math.atan2(*self._legs()[i, ::-1]))
             raise ValueError(
                 f"current {self.current.tolist()} m/s is too strong for leg {i}, heading {heading:.1f} degrees (from east), "
-                f"at {self.speed} m/s through the water (it sets {abs(across[i]):.3g} m/s across and {along[i]:+.3g} m/s along): "
+                f"at {self._speeds[i]} m/s through the water "
+                f"(it sets {abs(across[i]):.3g} m/s across and {along[i]:+.3g} m/s along): "
                 "give a higher speed, a weaker current, or legs along the current"
             )
 
     def _legs(self) -> Float[np.ndarray, "legs 2"]:
         return np.diff(self.polyline, axis=0)
+
+    @property
+    def _speeds(self) -> Float[np.ndarray, " legs"]:
+        """Speed through the water on each leg [m/s]."""
+        return np.broadcast_to(np.asarray(self.speed, dtype=float), len(self.polyline) - 1)
 
     def _current_on_legs(self) -> tuple[Float[np.ndarray, " legs"], Float[np.ndarray, " legs"]]:
         """Components of the current along each leg and to its left [m/s]."""
@@ -113,28 +172,49 @@ class Reference:
     def ground_speed(self) -> Float[np.ndarray, " legs"]:
         """Speed over ground on each leg [m/s]; not above 0 where the current prevails."""
         along, across = self._current_on_legs()
-        return along + np.sqrt(np.maximum(self.speed**2 - across**2, 0.0))
+        return along + np.sqrt(np.maximum(self._speeds**2 - across**2, 0.0))
+
+    @cached_property
+    def _arrival_and_departure(self) -> Float[np.ndarray, "n 2"]:
+        """Instants [s] at which each vertex is reached and left."""
+        legs = self._legs()
+        n = len(self.polyline)
+        spent = np.zeros((n, 2))  # on the leg before each vertex, and at it
+        spent[1:, 0] = np.hypot(legs[:, 0], legs[:, 1]) / self.ground_speed
+        spent[:, 1] = 0.0 if self.hold is None else self.hold
+        return np.cumsum(spent).reshape(n, 2)
 
     @property
     def arrival(self) -> Float[np.ndarray, " n"]:
         """Instants at which the vertices are reached [s], the first one at 0."""
-        legs = self._legs()
-        return np.concatenate(
-            [[0.0], np.cumsum(np.hypot(legs[:, 0], legs[:, 1]) / self.ground_speed)]
-        )
+        return self._arrival_and_departure[:, 0]
+
+    @property
+    def departure(self) -> Float[np.ndarray, " n"]:
+        """Instants at which the vertices are left [s]; where nothing is held, those of `arrival`."""
+        return self._arrival_and_departure[:, 1]
 
     @property
     def duration(self) -> float:
-        """Time from the first vertex to the last [s]; 0 for a station."""
-        return float(self.arrival[-1])
+        """Time from reaching the first vertex to leaving the last [s]; 0 for a station without end."""
+        return float(self.departure[-1])
+
+    @cached_property
+    def _knots(self) -> tuple[Float[np.ndarray, " knots"], Float[np.ndarray, "knots 2"]]:
+        """Instants [s] between which the motion over ground is uniform, and positions [m] then."""
+        distinct = np.ones((len(self.polyline), 2), dtype=bool)
+        distinct[:, 1] = self.departure > self.arrival  # interpolation takes no instant twice
+        return self._arrival_and_departure[distinct], np.repeat(
+            self.polyline, distinct.sum(axis=1), axis=0
+        )
 
     def position(self, time: Float[np.ndarray, "*t"] | float) -> Float[np.ndarray, "*t 2"]:
         """Position [m] at any instants [s]: the first vertex before 0, the last one after `duration`."""
-        arrival = self.arrival
+        instants, positions = self._knots
         return np.stack(
             [
-                np.interp(time, arrival, self.polyline[:, 0]),
-                np.interp(time, arrival, self.polyline[:, 1]),
+                np.interp(time, instants, positions[:, 0]),
+                np.interp(time, instants, positions[:, 1]),
             ],
             axis=-1,
         )

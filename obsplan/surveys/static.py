@@ -36,7 +36,7 @@ class Static:
         """The one point, east and north [m]."""
         return np.array([[self.x, self.y]], dtype=float)
 
-    def reference(self, *, speed: float, current: Float[np.ndarray, " 2"]) -> Reference:
+    def reference(self, *, speed: float | None, current: Float[np.ndarray, " 2"]) -> Reference:
         """Station kept in a current [m/s]; the speed through the water is the current's, whatever the one given [m/s]."""
         return Reference(
             polyline=self.vertices(),

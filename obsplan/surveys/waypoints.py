@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float
 
-from obsplan.surveys.reference import Reference, check_polyline
+from obsplan.surveys.reference import Reference, check_holds, check_polyline, check_speeds
 from obsplan.types import Points, as_points
 
 
@@ -17,10 +17,17 @@ class Waypoints:
     Raises
     ------
     ValueError
-        Fewer than two points, one that is not two finite numbers, or two identical consecutive points.
+        Fewer than two points, one that is not two finite numbers, two identical consecutive points, or speeds or holds out of their bounds.
     """
 
     points: Annotated[Points, "points to pass, in order, each [east, north] [m]"]
+    speeds: Annotated[
+        tuple[float, ...] | None,
+        "speed through the water on each leg [m/s]; default: the AUV's, which holds on every leg where it is given",
+    ] = None
+    holds: Annotated[
+        tuple[float, ...] | None, "time to keep station at each point [s]; default: none"
+    ] = None
 
     def __post_init__(self):
         object.__setattr__(self, "points", as_points(self.points))
@@ -30,11 +37,21 @@ class Waypoints:
                 f'a survey of waypoints needs at least two points, got {got}: add one, or use kind "static" to stay at a point'
             )
         check_polyline(self.vertices())
+        if self.speeds is not None:
+            check_speeds(self.speeds, len(self.points) - 1)
+        if self.holds is not None:
+            check_holds(self.holds, len(self.points))
 
     def vertices(self) -> Float[np.ndarray, "n 2"]:
         """The points, east and north [m]."""
         return np.array(self.points, dtype=float)
 
-    def reference(self, *, speed: float, current: Float[np.ndarray, " 2"]) -> Reference:
-        """Motion from point to point at a speed through the water [m/s] in a current [m/s]."""
-        return Reference(polyline=self.vertices(), speed=speed, current=current)
+    def reference(self, *, speed: float | None, current: Float[np.ndarray, " 2"]) -> Reference:
+        """Motion from point to point in a current [m/s], at a speed through the water [m/s]; None: at `speeds`."""
+        own = None if self.speeds is None else np.array(self.speeds, dtype=float)
+        return Reference(
+            polyline=self.vertices(),
+            speed=own if speed is None else speed,
+            hold=None if self.holds is None else np.array(self.holds, dtype=float),
+            current=current,
+        )
