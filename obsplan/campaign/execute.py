@@ -10,7 +10,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import obsplan
-from obsplan.campaign.cluster import connected
+from obsplan.campaign.cluster import connected, end_if_worker
 from obsplan.campaign.plan import Cell
 from obsplan.campaign.store import FILE, Store
 from obsplan.campaign.table import export
@@ -70,6 +70,7 @@ def fly_campaign(
     ObsplanError
         The folder cannot be used, the cluster is not there, or its workers have another version of obsplan.
     """
+    end_if_worker()
     folder = claimed(Path(folder))
     with Store(folder) as store:
         numbers = store.enter(cells)

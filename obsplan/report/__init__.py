@@ -7,6 +7,7 @@ _HOME = {
     "campaign_table": "campaign",
     "compare_figure": "comparison",
     "compare_table": "comparison",
+    "comparison_sentences": "comparison",
     "errors_figure": "errors",
     "free_folder": "files",
     "map_figure": "map",
@@ -17,6 +18,7 @@ _HOME = {
     "verdicts": "verdict",
     "write_campaign_report": "campaign",
     "write_comparison": "files",
+    "write_free": "files",
     "write_run": "files",
     "write_suite": "suite",
 }

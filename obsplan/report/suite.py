@@ -2,6 +2,7 @@
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportReturnType=false
 # because pandas is not typed: its columns may be anything
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obsplan.campaign.statistics import medians, signed_rank_p
+from obsplan.campaign.statistics import LEVEL, fewest_pairs, medians, signed_rank_p
 from obsplan.files import write_atomically
 from obsplan.planners.protocol import expression_of
-from obsplan.scenario import Scenario
+from obsplan.scenario import Scenario, load
 from obsplan.simulation import ClosedLoop
 from obsplan.types import ObsplanError
 
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
 
     from obsplan.campaign.plan import Cell
 
-LEVEL = 0.05  # of significance, below which a difference is not put down to chance
-FEWEST = 6  # pairs of which the signed-rank test can call a difference significant
+FEWEST = fewest_pairs(1)  # seeds of which a difference can be told from chance
+BRIEF = "duration=60.0"  # [s]; long enough to time decisions
 SHOWN_WORST = 5.0  # times the best, at which the figure's colours end
 
 
@@ -148,6 +149,25 @@ def decision_time(scenario: Scenario) -> float:
         )
         * 1e3
     )
+
+
+def yardsticks(
+    scenarios: Sequence[str],
+    planners: Sequence[str],
+    settings: Sequence[str],
+    progress: Callable[[int, int], None],
+) -> tuple[dict[str, float], dict[str, float]]:
+    """The certified least error in each scenario [m], and the median decision time of each planner over them [ms]."""
+    bounds: dict[str, float] = {}
+    times: dict[str, list[float]] = {planner: [] for planner in planners}
+    for done, name in enumerate(scenarios, start=1):
+        plain = load(name, planner="circle", settings=settings)
+        bounds[plain.table.name] = least_error(plain)
+        for planner in planners:
+            brief = load(name, planner=planner, settings=[*settings, BRIEF])
+            times[planner].append(decision_time(brief))
+        progress(done, len(scenarios))
+    return bounds, {planner: float(np.median(taken)) for planner, taken in times.items()}
 
 
 def suite_table(suite: Suite) -> "Table":
