@@ -58,18 +58,21 @@ def main() -> None:
     stopped = listen()
     try:
         code = app(prog_name="obsplan", standalone_mode=False)
+        put("")  # what the parser printed and is still on its way
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
+    except SystemExit as end:  # with 1: of the parser, because nobody is left to read its help
+        sys.exit(0 if end.code == 1 else end.code)
     except Exception as error:
-        message = fault(error)
-        if message is None and not stopped.is_set():
-            raise  # ours: the traceback is what we need to mend it
-        if message is not None:
+        code = WRONG_INPUT
+        if message := fault(error):
             complain(message)
-        code = INTERRUPTED if message is None else WRONG_INPUT
+        elif stopped.is_set():
+            code = INTERRUPTED
+        else:
+            raise  # ours: the traceback is what we need to mend it
     if code == INTERRUPTED:  # which the command line's own parser may return, too
         complain("interrupted; nothing was written")
-    put("")  # what is still on its way, where nobody may be left to read it
     sys.exit(code if isinstance(code, int) else 0)
 
 
@@ -93,4 +96,6 @@ def fault(error: Exception) -> str | None:
     if isinstance(error, ObsplanError):
         return str(error)
     message = getattr(error, "format_message", None)  # of the command line's own parser
-    return f"{message().rstrip('.')}; see obsplan --help" if message else None
+    if message is None:
+        return None
+    return f"{message().rstrip('.') or 'no command was given'}; see obsplan --help"

@@ -79,7 +79,8 @@ def fly(
     """Fly a campaign and say what became of it; returns how many missions failed."""
     from obsplan.campaign import fly_campaign
 
-    title, began = f"{len(cells)} combinations", monotonic()
+    title = "1 combination" if len(cells) == 1 else f"{len(cells)} combinations"
+    began = monotonic()
     with keeping(out), progress(title) as advance:
 
         def tell(done: int, total: int, failed: int) -> None:

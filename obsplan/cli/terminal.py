@@ -1,11 +1,13 @@
 """What the command line prints: sentences, commands to paste, and tables that hide no number."""
 
+import codecs
 import io
 import os
 import shlex
 import shutil
 import sys
 import textwrap
+import unicodedata
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -25,10 +27,20 @@ LABEL_SHARE = 3  # one of so many parts of the width is a label's before its wor
 
 
 def open_door() -> None:
-    """Print a question mark for a letter that the terminal's encoding lacks, where an error would end the program."""
+    """Print something plainer for a letter that the terminal's encoding lacks, where an error would end the program."""
+    codecs.register_error("plainer", plainer)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")
+            stream.reconfigure(errors="plainer")
+
+
+def plainer(error: UnicodeError) -> tuple[str, int]:
+    """Letters without their accents, hyphens for dashes, question marks for the rest; and where to go on."""
+    assert isinstance(error, UnicodeEncodeError)
+    letters = unicodedata.normalize("NFKD", error.object[error.start : error.end])
+    bare = (letter for letter in letters if not unicodedata.combining(letter))
+    plain = ["-" if unicodedata.category(letter) == "Pd" else letter for letter in bare]
+    return "".join(plain).encode("ascii", "replace").decode(), error.end
 
 
 def say(text: str, *, indent: int = 0) -> None:
@@ -78,15 +90,31 @@ def put(text: str, stream: TextIO | None = None) -> None:
     """Write to a stream, standard output unless another is given.
 
     When its reader has gone (`| head`), what follows is written to nobody: the program ends as it would have.
+
+    Raises
+    ------
+    ObsplanError
+        The stream cannot be written for another reason.
     """
     stream = stream or sys.stdout
     try:
         stream.write(text)
         stream.flush()
-    except BrokenPipeError:
+    except OSError as error:
         nobody = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nobody, stream.fileno())
         os.close(nobody)
+        if not isinstance(error, BrokenPipeError):
+            raise unwritable(error) from error
+
+
+def unwritable(error: OSError) -> Exception:
+    """What to say when standard output goes to a full disk."""
+    from obsplan.types import ObsplanError
+
+    return ObsplanError(
+        f"what is printed cannot be written ({error.strerror}): send it elsewhere, or make room"
+    )
 
 
 def show(table: "Table") -> None:
