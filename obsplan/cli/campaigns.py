@@ -119,8 +119,8 @@ def compare_suite(
 ) -> None:
     """Fly a campaign of planners over the suite, and say who wins where; the folder is resumed if it is there."""
     from obsplan.campaign import load_campaign, plan_cells
-    from obsplan.report import scenario_table, suite_table, write_suite
-    from obsplan.report.suite import FEWEST, missions_of, read_suite, yardsticks
+    from obsplan.report import scenario_table, suite_sentences, suite_table, write_suite
+    from obsplan.report.suite import missions_of, read_suite, yardsticks
     from obsplan.scenario import suite
 
     cells = plan_cells(suite(), planners=planners, vary=settings, runs=runs, seed=seed)
@@ -133,10 +133,8 @@ def compare_suite(
     files = write_suite(result, out)
     show(suite_table(result))
     show(scenario_table(result))
-    if runs < FEWEST:
-        say(
-            f"With fewer than {FEWEST} seeds (--runs) no difference can be told from chance: all planners count as equal."
-        )
+    for sentence in suite_sentences(result):
+        say(sentence)
     say_written(out, f"{', '.join(files)}, campaign.csv")
     if failed:
         raise typer.Exit(SOME_FAILED)

@@ -69,11 +69,11 @@ class State:
     """What is done of a task, and since when."""
 
     title: str
-    done: float = 0.0
-    total: float | None = None
+    done: float | int = 0
+    total: float | int | None = None
     began: float = field(default_factory=monotonic)
 
-    def advance(self, done: float, total: float, now: str | None = None) -> None:
+    def advance(self, done: float | int, total: float | int, now: str | None = None) -> None:
         """Note what is done."""
         self.done, self.total, self.title = done, total, now or self.title
 

@@ -14,6 +14,7 @@ _HOME = {
     "planner_notes": "verdict",
     "run_table": "tables",
     "scenario_table": "suite",
+    "suite_sentences": "suite",
     "suite_table": "suite",
     "verdicts": "verdict",
     "write_campaign_report": "campaign",

@@ -91,9 +91,14 @@ def facing(row: dict, planner: str) -> dict | None:
 
 
 def leader_sentences(standing: Standing) -> list[str]:
-    """Say who has the lowest error, who comes next and by how much, whether that could be chance, and who broke limits."""
+    """Say who has the lowest error, who comes next and by how much, whether that could be chance, and who broke limits.
+
+    Nobody leads alone: of one planner only the limits it broke are told.
+    """
     if not standing.eligible:
         return ["No planner has an error to compare: every filter failed."]
+    if standing.missions["planner"].nunique() == 1:
+        return broken_sentences(standing)
     leader = standing.eligible[0]
     lead = f"{leader} has the lowest RMS error{among(standing)}, {metres(standing.errors[leader])}{over(standing)}"
     if not standing.rivals:

@@ -13,6 +13,8 @@ import numpy as np
 from obsplan.campaign.statistics import LEVEL, fewest_pairs, medians, signed_rank_p
 from obsplan.files import write_atomically
 from obsplan.planners.protocol import expression_of
+from obsplan.report.leader import BROKEN
+from obsplan.report.words import metres
 from obsplan.scenario import Scenario, load
 from obsplan.simulation import ClosedLoop
 from obsplan.types import ObsplanError
@@ -201,6 +203,32 @@ def suite_table(suite: Suite) -> "Table":
             row.planner, str(row.wins), str(int(row.ties)), *numbers, f"{row.decision_ms:.2f}"
         )
     return table
+
+
+def suite_sentences(suite: Suite) -> list[str]:
+    """Say who leads on the whole, how often beyond chance and by how much, and who broke limits."""
+    first, *others = suite.planners.to_dict("records")
+    led = suite.cells[suite.cells["ratio"] == 1.0]
+    level = suite.cells[suite.cells["ties"]].groupby("scenario").size()
+    alone = sum(
+        level[scenario] == 1 for scenario in led[led["planner"] == first["planner"]]["scenario"]
+    )
+    said = (
+        f"{first['planner']} leads on the whole: lowest median error in {first['wins']} of "
+        f"{suite.cells['scenario'].nunique()} scenarios, in {alone} of them beyond chance"
+    )
+    if others:
+        behind = others[0]["mean_ratio"] / first["mean_ratio"]
+        said += (
+            f"; {others[0]['planner']} comes next, with {behind:.2f} times its error in the mean"
+        )
+    few = f"With fewer than {FEWEST} seeds (--runs) no difference can be told from chance: all planners count as equal."
+    broken = [
+        f"{row['planner']} broke a limit, by up to {metres(row['violation_max_m'])}."
+        for row in (first, *others)
+        if row["violation_max_m"] > BROKEN
+    ]
+    return [f"{said}.", *([few] if suite.cells["missions"].min() < FEWEST else []), *broken]
 
 
 def scenario_table(suite: Suite) -> "Table":
