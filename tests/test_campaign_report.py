@@ -212,7 +212,7 @@ def test_sentences_name_the_winner_its_lead_and_what_failed():
     }
     errors["pond", "c"][3] = math.nan
     table = table_of(errors)
-    first, second = sentences(medians(table), paired(table))
+    first, second = sentences(table, paired(table), medians(table))
     assert first.startswith(
         "pond: a has the lowest error, by 1.00 m in the median of 12 seeds against b (corrected p at most 0.00"
     )
@@ -221,20 +221,20 @@ def test_sentences_name_the_winner_its_lead_and_what_failed():
 
 def test_sentences_claim_no_winner_where_chance_could_explain_it():
     same = table_of({("pond", "a"): [1.0, 3.0, 2.0, 5.0], ("pond", "b"): [2.0, 1.0, 3.0, 4.0]})
-    assert sentences(medians(same), paired(same)) == [
+    assert sentences(same, paired(same), medians(same)) == [
         "pond: no planner leads all others by more than chance could explain."
     ]
 
 
 def test_sentences_count_settings_where_they_are_many(grid):
-    (told,) = sentences(medians(grid), paired(grid))
+    (told,) = sentences(grid, paired(grid), medians(grid))
     assert "of 6 settings: circle in 6; in 0 chance could explain the lead" in told
 
 
 def test_lone_planner_is_compared_with_none(grid):
     alone = grid[grid["planner"] == "circle"]
     assert paired(alone).empty
-    assert sentences(medians(alone), paired(alone)) == []
+    assert sentences(alone, paired(alone), medians(alone)) == []
 
 
 def curves(panel):
@@ -269,7 +269,7 @@ def test_legend_of_a_campaign_is_beside_its_panels(grid):
     ("key", "values", "said"),
     [
         ("cna.speed", [1.0, 2.0], "cna.speed: cruising speed [m/s]"),
-        ("auv.0.speed", [1.0, 2.0], "auv.0.speed: speed through the water [m/s]"),
+        ("auv.0.speed", [1.0, 2.0], "auv.0.speed: speed through the water on every leg [m/s]"),
         ("duration", [60.0, 90.0], "duration: of the mission [s]"),
         ("auv.1.weight", [1.0, 2.0], "auv.1.weight: weight in the planner's objective [-]"),
         ("planner.hold", [1.0, 2.0], "planner.hold: time a turn is held [s]"),
@@ -316,7 +316,7 @@ def test_medians_count_missions_that_broke_a_limit_and_tell_the_worst(trespass):
 
 
 def test_planner_that_breaks_a_limit_is_named_beside_the_leader(trespass):
-    told = sentences(medians(trespass), paired(trespass))
+    told = sentences(trespass, paired(trespass), medians(trespass))
     assert "circle broke a limit in 2 of 16 missions, by up to 3.50 m." in told
     assert not any("gramian broke" in one for one in told)
 

@@ -237,9 +237,9 @@ def test_each_track_has_an_auv_and_a_name_fit_for_tables(new):
 def test_names_are_quoted_where_they_are_pasted_and_where_they_are_toml(new):
     name = 'my "survey" \\ 1.fake'
     said, text = new(local(LAWN), name=name, out="my 'own'.toml")
-    command = said.splitlines()[-1].split("Next: ")[1]
-    assert shlex.split(command)[:2] == ["obsplan", "run"]
-    assert shlex.split(command)[2].endswith("my 'own'.toml")
+    assert "my 'own'.toml" in said.splitlines()[-1]
+    command = text.splitlines()[0].split("then: ")[1]
+    assert shlex.split(command) == ["obsplan", "run", "my 'own'.toml"]
     assert tomllib.loads(text)["auv"][0]["survey"]["file"] == name
 
 

@@ -1,6 +1,7 @@
 """Search for the turns of a whole mission: descend from many starts, keep the best."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
@@ -123,6 +124,7 @@ def optimise(
     random: np.random.Generator,
     violation: Violation | None = None,
     margin: float = 0.0,
+    progress: Callable[[int, int], None] = lambda _done, _all: None,
 ) -> Plan:
     """Find turns, each held for ``hold`` steps, for the least time mean of the AUVs' predicted position variance.
 
@@ -138,6 +140,8 @@ def optimise(
         What is known; steps that a turn lasts; number of descents, at least 1; where shaken and random turns come from.
     violation
         How far [m] positions at times [s] of the mission are on the wrong side of a limit, at most 0 where they are right.
+    progress
+        Called after each descent with (iterations allowed so far, iterations allowed in all).
     """
     turns = Turns(mission, hold)
     objective = Objective(turns, PredictedVariance(mission), violation, margin)
@@ -145,14 +149,21 @@ def optimise(
         assess(objective, w, Status.BEST_MANOEUVRE)
         for w in islice(starts(turns, random, violation), count)
     ]
-    rough = sorted((descend(objective, one.w, FIRST) for one in begun), key=rank)
-    best = min(
-        (*begun, *(descend(objective, one.w) for one in rough[: -(-len(rough) // BETTER)])),
-        key=rank,
-    )
-    for _ in range(count - len(begun)):
-        best = min(best, descend(objective, shaken(best.w, random)), key=rank)
-    best = min(descend(objective, best.w, POLISH), best, key=rank)
+    going_on, shakes = -(-len(begun) // BETTER), count - len(begun)
+    allowed, done = FIRST * len(begun) + ITERATIONS * (going_on + shakes + 1), 0
+
+    def descended(w: Float[np.ndarray, " n"], iterations: int = ITERATIONS) -> Try:
+        nonlocal done
+        found = descend(objective, w, iterations)
+        done += min(iterations, ITERATIONS)  # the last descent is seldom longer than the others
+        progress(done, allowed)
+        return found
+
+    rough = sorted((descended(one.w, FIRST) for one in begun), key=rank)
+    best = min((*begun, *(descended(one.w) for one in rough[:going_on])), key=rank)
+    for _ in range(shakes):
+        best = min(best, descended(shaken(best.w, random)), key=rank)
+    best = min(descended(best.w, POLISH), best, key=rank)
     return Plan(
         turn_rates=best.w * mission.max_turn_rate,
         hold=hold,

@@ -1,8 +1,11 @@
 """Where missions are flown: processes of this machine, or a Dask cluster."""
 
 import logging
+import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing import current_process, resource_tracker
 from typing import TYPE_CHECKING
 
 from obsplan.types import ObsplanError
@@ -12,7 +15,10 @@ if TYPE_CHECKING:
 
 PATIENCE = 30.0  # [s] for the scheduler to answer, and for its first worker
 DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"  # Ctrl-C is for the process that started the workers and ends them
-
+NO_WORKER = (
+    "no worker process could start: see that there is memory for them; a script must fly its campaigns under "
+    '`if __name__ == "__main__":`, because each worker reads the script again'
+)
 
 SETTINGS = {
     "distributed.admin.low-level-log-length": 10,  # else a client keeps its last thousand messages, each with a scenario
@@ -50,13 +56,35 @@ def local(number: int) -> Iterator["Client"]:
         "dashboard_address": "127.0.0.1:0",
         "memory_limit": None,
     }
-    with (
-        LocalCluster(
-            host="127.0.0.1", silence_logs=logging.CRITICAL, preload=DEAF, **options
-        ) as cluster,
-        Client(cluster) as client,
-    ):
+    try:
+        with deaf():
+            cluster = LocalCluster(
+                host="127.0.0.1", silence_logs=logging.CRITICAL, preload=DEAF, **options
+            )
+    except RuntimeError:
+        raise ObsplanError(NO_WORKER) from None
+    with cluster, Client(cluster) as client:
         yield client
+
+
+def end_if_worker() -> None:
+    """End a worker that, by reading a script without a main guard, was about to fly the campaign it was started for."""
+    if getattr(current_process(), "_inheriting", False):  # as multiprocessing itself tells it
+        sys.exit(2)
+
+
+@contextmanager
+def deaf() -> Iterator[None]:
+    """Keep Ctrl-C waiting, and from what is started meanwhile: a worker hears of it before it can be told not to listen."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # which would let Ctrl-C through again if it began only now
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

@@ -10,9 +10,9 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import obsplan
-from obsplan.campaign.cluster import connected
+from obsplan.campaign.cluster import connected, end_if_worker
 from obsplan.campaign.plan import Cell
-from obsplan.campaign.store import FILE, Store
+from obsplan.campaign.store import FILE, Store, no_store
 from obsplan.campaign.table import export
 from obsplan.campaign.worker import Batch, Flown, Outcome, failed, fly_batch
 from obsplan.files import write_atomically
@@ -70,6 +70,7 @@ def fly_campaign(
     ObsplanError
         The folder cannot be used, the cluster is not there, or its workers have another version of obsplan.
     """
+    end_if_worker()
     folder = claimed(Path(folder))
     with Store(folder) as store:
         numbers = store.enter(cells)
@@ -110,8 +111,8 @@ def claimed(folder: Path) -> Path:
             path.name for path in folder.iterdir()
         }  # looked at once: another campaign may be making its store
         if inside and FILE not in inside:
-            raise ObsplanError(
-                f"{folder} holds something that is not a campaign; give another folder with --out"
+            raise no_store(
+                folder, "holds something that is not a campaign", "give another folder with --out"
             )
     except OSError as error:
         raise ObsplanError(

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CONFIDENCE = 0.95
+LEVEL = 0.05  # of significance: a difference with a smaller p is not put down to chance
 RESAMPLES = (
     2000  # of the bootstrap: the ends of a 95 % interval are its 50th value from either side
 )
@@ -112,6 +113,16 @@ def paired(table: "pd.DataFrame", figure: str = "rms_error_m") -> "pd.DataFrame"
 def signed_rank_p(differences: Float[np.ndarray, " n"]) -> float:
     """Two-sided p of Wilcoxon's signed-rank test; 1 where nothing differs, which is no evidence."""
     return float(stats.wilcoxon(differences).pvalue) if np.any(differences) else 1.0
+
+
+def fewest_pairs(comparisons: int) -> int:
+    r"""Number of pairs from which on the signed-rank test, corrected by Holm for so many comparisons, can tell a difference from chance.
+
+    .. math:: \min\{n : m \, 2^{1-n} < 0.05\}
+
+    because of the :math:`2^n` patterns of signs the two of one sign are the most extreme.
+    """
+    return int(np.floor(np.log2(2 * comparisons / LEVEL))) + 1
 
 
 def holm(p: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:

@@ -6,6 +6,7 @@ journal rather than a write-ahead log: the log needs memory shared between proce
 """
 
 import json
+import os
 import sqlite3
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
@@ -18,6 +19,7 @@ from obsplan.campaign.worker import Outcome
 from obsplan.types import ObsplanError
 
 FILE = "campaign.sqlite"
+TABLES = PARQUET, CSV = "campaign.parquet", "campaign.csv"  # beside it
 PATIENCE = 600.0  # [s] to wait for another campaign's commit or export
 BLOCK = 10_000  # seeds or rows looked at together: memory does not grow with the campaign
 FIGURES = (
@@ -195,9 +197,35 @@ class Store:
         try:
             yield
         except sqlite3.Error as error:
-            raise ObsplanError(
-                f"{self.path}: {error}; {remedy(getattr(error, 'sqlite_errorname', ''))}"
-            ) from error
+            fault = getattr(error, "sqlite_errorname", "")
+            told = placed_wrong(self.path, fault) or f"{error}; {remedy(fault)}"
+            raise ObsplanError(f"{self.path}: {told}") from error
+
+
+def no_store(folder: Path, otherwise: str, remedy: str) -> ObsplanError:
+    """What is wrong with a folder that has no store: that it was moved, where a campaign's table is left, or something else."""
+    if any((folder / name).exists() for name in TABLES):
+        return ObsplanError(
+            f"{folder} has a campaign's table but not its store, which was moved or removed: put {FILE} back, or {remedy}"
+        )
+    return ObsplanError(f"{folder} {otherwise}; {remedy}")
+
+
+def placed_wrong(path: Path, fault: str) -> str | None:
+    """What is wrong with the place of a store, and what to do about it, where a fault of SQLite comes of that."""
+    if fault == "SQLITE_READONLY_DBMOVED":
+        return "was moved or removed while the campaign ran; put it back, and the same command goes on from there"
+    if not fault.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM")):
+        return None
+    if path.is_dir():
+        return "is a folder, and a campaign's store is a file; choose another folder"
+    if path.exists() and not os.access(path, os.R_OK):
+        return "may not be read; make it readable and writable, or choose another folder"
+    if path.exists() and not os.access(path, os.W_OK):
+        return "is read-only; make it writable, or choose another folder"
+    if not os.access(path.parent, os.W_OK):
+        return "lies in a folder that is read-only; make that writable, or choose another folder"
+    return None
 
 
 def remedy(fault: str) -> str:

@@ -10,14 +10,13 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from obsplan.campaign.store import BLOCK, FIGURES, FILE, Store
+from obsplan.campaign.store import BLOCK, CSV, FIGURES, FILE, PARQUET, Store, no_store
 from obsplan.types import ObsplanError
 
 if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-PARQUET, CSV = "campaign.parquet", "campaign.csv"
 LABELS = ("scenario", "planner")  # then the varied keys, then the rest
 REST = ("seed", "status", "error", *FIGURES, "auv", "status_counts")
 
@@ -43,9 +42,9 @@ def load_campaign(folder: Path | str) -> "pd.DataFrame":
 
 def existing_store(folder: Path) -> Store:
     """The store in a campaign's folder, which must be there."""
-    if not (folder / FILE).is_file():
-        raise ObsplanError(
-            f"{folder} has no campaign; give the folder that `obsplan campaign --out` made"
+    if not (folder / FILE).exists():
+        raise no_store(
+            folder, "has no campaign", "give the folder that `obsplan campaign --out` made"
         )
     return Store(folder)
 

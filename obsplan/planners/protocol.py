@@ -21,6 +21,7 @@ class Planner(Protocol):
     """Anything that turns what is known of the AUVs into the aid vehicle's next manoeuvre.
 
     It may also have ``initial_pose(pose) -> Pose``, where it wants to start; ``for_mission(seed) -> Planner``, where it draws numbers;
+    ``prepare(pose, progress)``, to plan from the start before the mission begins, calling ``progress(done, in all)``;
     ``condition_label``, what its condition numbers are of; ``constraints``, the limits it keeps within by itself; and
     ``expression``, see `expression_of`.
     """

@@ -1,6 +1,6 @@
 """Whole mission: plan all turns before it begins, by optimisation from many starts, and follow them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property, lru_cache
 from typing import Annotated, Literal
@@ -23,7 +23,12 @@ MOST_TURNS = 400  # of a mission
 ON_PLAN = 1e-3  # [m], [rad]; a vehicle nearer than that to where its plan has it follows it
 KEPT = 64  # plans of one planner
 PLACES = 9  # decimals [m], [m/s]: the same world seen from other axes is the same problem to the last bit
+Progress = Callable[[int, int], None]
 MARGIN = 0.05  # kept from limits, in smallest turning radii: what a penalty leaves of a violation is less
+
+
+def untold(_done: int, _all: int) -> None:
+    """Tell nobody how far the planning is."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +43,8 @@ class WholeMission:
     belief that was not finite, gets a plan of its own for the rest of the mission, as if it began there. ``score`` is the mean weighted
     position variance [m^2].
 
-    All is planned at the first decision, before there is any progress to tell of: measured for two AUVs, one processor takes 4 to 7 s per
-    thousand time steps of the mission, 12 s under limits.
+    All is planned at the first decision, or when the mission is prepared (`prepare`): measured for two AUVs, one processor takes 4 to 7 s
+    per thousand time steps of the mission, 12 s under limits.
     """
 
     condition_label = ""
@@ -121,17 +126,21 @@ class WholeMission:
             pose, time, len(auvs)
         )
 
-    def voyage(self, pose: Pose, *, time: float = 0.0) -> "Voyage":
+    def prepare(self, pose: Pose, progress: Progress) -> None:
+        """Plan the mission from its start on, and tell meanwhile how much of that is (done, in all)."""
+        self.voyage(pose, progress=progress)
+
+    def voyage(self, pose: Pose, *, time: float = 0.0, progress: Progress = untold) -> "Voyage":
         """The plan that a pose at a time is on; it is made where there is none."""
         made = _voyages(self)
         for voyage in made:
             if voyage.passes(pose, time):
                 return voyage
-        made.insert(0, self._made(pose, time))
+        made.insert(0, self._made(pose, time, progress))
         del made[KEPT:]
         return made[0]
 
-    def _made(self, pose: Pose, time: float) -> "Voyage":
+    def _made(self, pose: Pose, time: float, progress: Progress) -> "Voyage":
         frame = Frame.of(pose, self.filed)
         first = min(round(time / self.filed.time_step), self.filed.time.size - 2)
         plan = optimise(
@@ -141,6 +150,7 @@ class WholeMission:
             random=np.random.default_rng(self.search_seed),
             violation=Limits(self, frame, first) if self.constraints else None,
             margin=MARGIN * self.cna.min_turn_radius,
+            progress=progress,
         )
         return Voyage(
             self.cna,

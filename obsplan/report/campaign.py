@@ -11,9 +11,10 @@ from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from obsplan.campaign.statistics import medians, paired, varied_keys, worded
+from obsplan.campaign.statistics import fewest_pairs, medians, paired, varied_keys, worded
 from obsplan.campaign.table import load_campaign
 from obsplan.files import write_atomically
+from obsplan.report.leader import Standing, leader_sentences
 from obsplan.report.tables import cell
 from obsplan.report.words import metres
 from obsplan.types import ObsplanError
@@ -30,7 +31,6 @@ OURS = (
     "error-vs-*.png",
     "map-*.png",
 )  # what a report may have left there before
-SIGNIFICANT = 0.05  # of corrected p values
 MOST_ROWS = 40  # on a terminal
 MOST_SENTENCES = 3
 COLUMNS = {
@@ -78,7 +78,10 @@ def write_campaign_report(folder: Path | str) -> CampaignReport:
         with suppress(OSError):
             stale.unlink()
     return CampaignReport(
-        medians=by_cell, pairs=pairs, sentences=sentences(by_cell, pairs), files=list(contents)
+        medians=by_cell,
+        pairs=pairs,
+        sentences=sentences(table, pairs, by_cell),
+        files=list(contents),
     )
 
 
@@ -163,64 +166,79 @@ def interval(value: float, low: float, high: float) -> str:
     return f"{value:.3g}" + ("" if math.isnan(low) else f" [{low:.3g}, {high:.3g}]")
 
 
-def sentences(by_cell: "pd.DataFrame", pairs: "pd.DataFrame") -> list[str]:
-    """What the comparisons say, setting by setting where they are few, and what is left out of them."""
-    labels = list(pairs.columns[: pairs.columns.get_loc("planner")])
-    groups = {values: group for values, group in pairs.groupby(labels, dropna=False)}
-    if len(groups) <= MOST_SENTENCES:
-        said = [verdict(labels, values, group) for values, group in groups.items()]
+def sentences(table: "pd.DataFrame", pairs: "pd.DataFrame", by_cell: "pd.DataFrame") -> list[str]:
+    """Who leads, setting by setting where they are few, and what is left out."""
+    settings = standings(table, pairs)
+    if len(settings) <= MOST_SENTENCES:
+        said = [
+            f"{where}: {' '.join(leader_sentences(standing))}"
+            for where, standing in settings.items()
+        ]
     else:
-        said = [tally([winner(group) for group in groups.values()])]
+        said = tally([*settings.values()])
     said += limit_sentences(by_cell)
-    if failed := int(by_cell["failed"].sum()):
+    if failed := int((table["status"] == "failed").sum()):
         said.append(
-            f"{failed} of {int(by_cell['missions'].sum())} missions failed and are left out of all medians and comparisons."
+            f"{failed} of {len(table)} missions failed and are left out of all medians and comparisons."
         )
     return said
 
 
-def tally(winners: list[str | None]) -> str:
-    """In how many settings each planner has the lowest error."""
-    counts = Counter(planner for planner in winners if planner is not None)
-    won = "; ".join(f"{planner} in {count}" for planner, count in counts.most_common())
-    none = f"in {winners.count(None)} chance could explain the lead"
-    settings = f"of {len(winners)} settings"
-    leads = f"{won}; {none}" if won else none
-    return (
-        f"Lowest error of all planners under the same noise, {settings}: {leads} (see pairs.csv)."
-    )
+def standings(table: "pd.DataFrame", pairs: "pd.DataFrame") -> dict[str, Standing]:
+    """The planners' standing in each scenario and setting in which several flew, by words for it."""
+    keys = ["scenario", *varied_keys(table)]
+    by_setting = {known(labels): group for labels, group in pairs.groupby(keys, dropna=False)}
+    return {
+        setting(keys, labels): Standing(
+            missions=missions, pairs=by_setting[known(labels)], comparisons=len(pairs)
+        )
+        for labels, missions in table.groupby(keys, dropna=False)
+        if known(labels) in by_setting
+    }
 
 
-def winner(group: "pd.DataFrame") -> str | None:
-    """The planner with a lower error than each other one in a setting, if chance could not explain it."""
-    beaten: dict[str, set[str]] = {}
-    for row in group.to_dict("records"):
-        if row["p_holm"] < SIGNIFICANT and row["difference"] != 0:
-            better, worse = (row["planner"], row["against"])[:: 1 if row["difference"] < 0 else -1]
-            beaten.setdefault(better, set()).add(worse)
-    planners = {*group["planner"], *group["against"]}
-    return next(
-        (planner for planner, others in beaten.items() if others == planners - {planner}), None
-    )
+def known(labels: tuple) -> tuple:
+    """Labels that can be looked up: none for nan, which is not equal to itself."""
+    return tuple(None if label != label else label for label in labels)
 
 
-def verdict(labels: list[str], values: tuple, group: "pd.DataFrame") -> str:
-    """Which planner has the lowest error in one setting, and by how much."""
-    where = ", ".join(
-        [
-            values[0],
-            *(
-                f"{key} = {worded(value)}"
-                for key, value in zip(labels[1:], values[1:], strict=True)
-            ),
-        ]
-    )
-    best = winner(group)
-    if best is None:
-        return f"{where}: no planner leads all others by more than chance could explain."
-    rows = [row for row in group.to_dict("records") if best in (row["planner"], row["against"])]
-    closest = min(rows, key=lambda row: abs(row["difference"]))
-    other = closest["against"] if closest["planner"] == best else closest["planner"]
-    p = max(row["p_holm"] for row in rows)
-    lead = f"by {metres(abs(closest['difference']))} in the median of {closest['pairs']} seeds against {other}"
-    return f"{where}: {best} has the lowest error, {lead} (corrected p at most {p:.1g})."
+def setting(keys: list[str], labels: tuple) -> str:
+    """A scenario and the values of what was varied, in words."""
+    scenario, *values = labels
+    varied = zip(keys[1:], values, strict=True)
+    return ", ".join([scenario, *(f"{key} = {worded(value)}" for key, value in varied)])
+
+
+def tally(settings: list[Standing]) -> list[str]:
+    """In how many settings each planner leads and by how much, whether more seeds could tell more, and who broke limits."""
+    led = [one for one in settings if one.rivals and one.eligible[0] not in one.broken]
+    counts = Counter(one.eligible[0] for one in led)
+    leads = [
+        share(planner, [one for one in led if one.eligible[0] == planner])
+        for planner, _ in counts.most_common()
+    ]
+    said = [
+        f"Lowest RMS error under the same noise, of {len(settings)} settings: {'; '.join(leads) or 'no planner'} (see pairs.csv)."
+    ]
+    comparisons = settings[0].comparisons
+    if few := sum(one.too_few for one in led):
+        least = fewest_pairs(comparisons)
+        said.append(
+            f"In {few} settings there are too few seeds to tell any lead from chance: "
+            f"with {comparisons} comparisons that takes {least} (--runs {least})."
+        )
+    broke = Counter(planner for one in settings for planner in one.broken)
+    for planner, count in broke.most_common():
+        worst = max(one.broken.get(planner, 0.0) for one in settings)
+        said.append(
+            f"{planner} broke a limit in {count} settings, by up to {metres(worst)}, and is counted as leading in none of these."
+        )
+    return said
+
+
+def share(planner: str, led: list[Standing]) -> str:
+    """In how many settings a planner leads, in how many of them beyond chance, and how far behind the next is."""
+    certain = sum(one.winner == planner for one in led)
+    behind = [one.errors[next(iter(one.rivals))] / one.errors[planner] for one in led]
+    ratio = math.exp(sum(map(math.log, behind)) / len(behind))
+    return f"{planner} in {len(led)} ({certain} beyond chance), the next with {ratio:.2f} times its error"

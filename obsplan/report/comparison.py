@@ -50,6 +50,20 @@ def compare_table(rows: Rows) -> "Table":
     return table
 
 
+def comparison_sentences(rows: Rows) -> list[str]:
+    """Say which planner leads, by how much, and whether that could be chance."""
+    import pandas as pd
+
+    from obsplan.campaign.statistics import paired
+    from obsplan.report.leader import Standing, leader_sentences
+
+    missions = pd.DataFrame(list(rows))
+    missions = missions.assign(rms_error_m=missions["rms_error_m"].astype(float))
+    labelled = pd.DataFrame({"scenario": ""}, index=missions.index).join(missions)
+    pairs = paired(labelled)
+    return leader_sentences(Standing(missions=missions, pairs=pairs, comparisons=len(pairs)))
+
+
 def ranked(rows: Rows) -> list[str]:
     """Planners by their median RMS error, those that broke a limit after all that kept them.
 

@@ -5,7 +5,7 @@ import io
 import json
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from itertools import count
@@ -52,16 +52,44 @@ def free_folder(out: Path | None, name: str) -> Path:
 
     Raises
     ------
+    FolderExistsError
+        The folder asked for exists.
     ObsplanError
-        The folder asked for exists, or nothing can be made where it should be.
+        Nothing can be made where it should be.
     """
-    folder = out or next(
-        p
-        for p in (Path(name if n == 1 else f"{name}-{n}") for n in count(1))
-        if not os.path.lexists(p)
-    )
-    _check_free(folder)
+    folder = out or next(path for path in numbered(name) if not os.path.lexists(path))
+    check_free(folder)
     return folder
+
+
+def numbered(name: str) -> Iterator[Path]:
+    """Folders ``name``, ``name-2``, ``name-3`` and so on."""
+    yield Path(name)
+    for number in count(2):
+        yield Path(f"{name}-{number}")
+
+
+def write_free(out: Path | None, name: str, write: Callable[[Path], None]) -> Path:
+    """Write into a `free_folder` and return it; where another program took the name meanwhile, into the next.
+
+    Raises
+    ------
+    ObsplanError
+        As `free_folder` and ``write``.
+    """
+    while True:
+        folder = free_folder(out, name)
+        try:
+            write(folder)
+        except FolderExistsError:
+            if out is not None:
+                raise
+        else:
+            return folder
+
+
+class FolderExistsError(ObsplanError):
+    """A folder of that name exists."""
 
 
 def write_run(run: Run, folder: Path | str) -> None:
@@ -121,12 +149,12 @@ def new_folder(folder: Path) -> Iterator[Path]:
     ObsplanError
         The folder exists or cannot be written.
     """
-    _check_free(folder)
+    check_free(folder)
     made = folder.parent / f".{folder.name}.{os.getpid()}.part"
     try:
         made.mkdir()
         yield made
-        _check_free(folder)
+        check_free(folder)
         made.rename(folder)
     except (OSError, ObsplanError) as error:
         reason = error if isinstance(error, OSError) else error.__cause__
@@ -139,10 +167,10 @@ def new_folder(folder: Path) -> Iterator[Path]:
         shutil.rmtree(made, ignore_errors=True)  # renamed, unless something went wrong
 
 
-def _check_free(folder: Path) -> None:
+def check_free(folder: Path) -> None:
     """Refuse a folder that cannot be made."""
     if os.path.lexists(folder):
-        raise ObsplanError(
+        raise FolderExistsError(
             f"{folder} exists and is not overwritten: give another folder, or remove it first"
         )
     if not folder.parent.is_dir():

@@ -2,6 +2,7 @@
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportReturnType=false
 # because pandas is not typed: its columns may be anything
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obsplan.campaign.statistics import medians, signed_rank_p
+from obsplan.campaign.statistics import LEVEL, fewest_pairs, medians, signed_rank_p
 from obsplan.constraints import ROUNDING
 from obsplan.files import write_atomically
 from obsplan.planners.protocol import expression_of
 from obsplan.report.tables import marked, violation_cell
-from obsplan.report.words import title
-from obsplan.scenario import Scenario
+from obsplan.report.words import metres, title
+from obsplan.scenario import Scenario, load
 from obsplan.simulation import ClosedLoop
 from obsplan.types import ObsplanError
 
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
 
     from obsplan.campaign.plan import Cell
 
-LEVEL = 0.05  # of significance, below which a difference is not put down to chance
-FEWEST = 6  # pairs of which the signed-rank test can call a difference significant
+FEWEST = fewest_pairs(1)  # seeds of which a difference can be told from chance
+BRIEF = "duration=60.0"  # [s]; long enough to time decisions
 SHOWN_WORST = 5.0  # times the best, at which the figure's colours end
 
 
@@ -160,6 +161,25 @@ def decision_time(scenario: Scenario) -> float:
     )
 
 
+def yardsticks(
+    scenarios: Sequence[str],
+    planners: Sequence[str],
+    settings: Sequence[str],
+    progress: Callable[[int, int], None],
+) -> tuple[dict[str, float], dict[str, float]]:
+    """The certified least error in each scenario [m], and the median decision time of each planner over them [ms]."""
+    bounds: dict[str, float] = {}
+    times: dict[str, list[float]] = {planner: [] for planner in planners}
+    for done, name in enumerate(scenarios, start=1):
+        plain = load(name, planner="circle", settings=settings)
+        bounds[plain.table.name] = least_error(plain)
+        for planner in planners:
+            brief = load(name, planner=planner, settings=[*settings, BRIEF])
+            times[planner].append(decision_time(brief))
+        progress(done, len(scenarios))
+    return bounds, {planner: float(np.median(taken)) for planner, taken in times.items()}
+
+
 def suite_table(suite: Suite) -> "Table":
     """Tabulate planners, the best on the whole first."""
     from rich.table import Table
@@ -197,6 +217,32 @@ def suite_table(suite: Suite) -> "Table":
             violation_cell(None if np.isnan(row.violation_max_m) else row.violation_max_m),
         )
     return table
+
+
+def suite_sentences(suite: Suite) -> list[str]:
+    """Say who leads on the whole, how often beyond chance and by how much, and who broke limits."""
+    first, *others = suite.planners.to_dict("records")
+    led = suite.cells[suite.cells["ratio"] == 1.0]
+    level = suite.cells[suite.cells["ties"]].groupby("scenario").size()
+    alone = sum(
+        level[scenario] == 1 for scenario in led[led["planner"] == first["planner"]]["scenario"]
+    )
+    said = (
+        f"{first['planner']} leads on the whole: lowest median error in {first['wins']} of "
+        f"{suite.cells['scenario'].nunique()} scenarios, in {alone} of them beyond chance"
+    )
+    if others:
+        behind = others[0]["mean_ratio"] / first["mean_ratio"]
+        said += (
+            f"; {others[0]['planner']} comes next, with {behind:.2f} times its error in the mean"
+        )
+    few = f"With fewer than {FEWEST} seeds (--runs) no difference can be told from chance: all planners count as equal."
+    broken = [
+        f"{row['planner']} broke a limit, by up to {metres(row['violation_max_m'])}."
+        for row in (first, *others)
+        if row["violation_max_m"] > ROUNDING
+    ]
+    return [f"{said}.", *([few] if suite.cells["missions"].min() < FEWEST else []), *broken]
 
 
 def scenario_table(suite: Suite) -> "Table":

@@ -10,7 +10,7 @@ from obsplan.constraints import Disc
 from obsplan.files import write_atomically
 from obsplan.scenario.areas import Shape
 from obsplan.scenario.files import from_dict
-from obsplan.scenario.template import pasted, scenario_text
+from obsplan.scenario.template import scenario_text
 from obsplan.scenario.understood import TANK, Surveyor, Understood, plain, understand
 
 MOST_LINES = 20  # of tracks, and of keep-outs
@@ -30,8 +30,7 @@ def write_new(mission_file: Path, scenario_file: Path) -> list[str]:
     from_dict(data, source=scenario_file.name, folder=scenario_file.parent)
     write_atomically(scenario_file, text)
     minutes = in_words(max(auv.duration for auv in understood.auvs))
-    wrote = f"Wrote {scenario_file}: a mission of {minutes}."
-    return [*account(understood), f"{wrote} Next: obsplan run {pasted(scenario_file)}"]
+    return [*account(understood), f"Wrote {scenario_file}: a mission of {minutes}."]
 
 
 def account(understood: Understood) -> Iterator[str]:

@@ -37,7 +37,8 @@ def load(name: str | Path, *, planner: str | None = None, settings: Sequence[str
     Parameters
     ----------
     name
-        Name of a shipped scenario, or path of a TOML file.
+        Name of a shipped scenario, or path of a TOML file. A name that is shipped always means the shipped scenario: a file of that
+        name is ``"./NAME"``, a folder of that name is never looked at.
     planner
         Replaces the kind of planner and its own options; the time between decisions and the planner's knowledge stay.
     settings
@@ -107,15 +108,22 @@ def as_given(message: str, keys: Iterable[str]) -> str:
 
 
 def find(name: str | Path) -> Path:
-    """Path of a scenario file by its path or shipped name."""
+    """Path of a scenario file by its shipped name, which means nothing else whatever lies in the working directory, or by its path."""
+    if str(name) in shipped() + suite():
+        return SHIPPED / f"{name}.toml"
     path = Path(name)
     if path.suffix != ".toml" and not path.exists():
-        if str(name) not in shipped() + suite():
-            raise ObsplanError(
-                f'no scenario "{name}" is shipped and no such file exists; {nearest(str(name), shipped())}'
-            )
-        return SHIPPED / f"{name}.toml"
+        raise ObsplanError(
+            f'no scenario "{name}" is shipped and no such file exists; {meant(path)}'
+        )
     return path
+
+
+def meant(path: Path) -> str:
+    """The remedy for a path that is no scenario file: the file beside it, or inside it, that was probably meant."""
+    candidates = (Path(f"{path}.toml"), path / "scenario.toml")
+    there = [str(file) for file in candidates if file.is_file()]
+    return f'did you mean "{there[0]}"?' if there else nearest(str(path), shipped())
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -127,7 +135,7 @@ def read(path: Path) -> dict[str, Any]:
             f"{path}: no such file; `obsplan scenarios` lists those that are shipped"
         ) from None
     except IsADirectoryError:
-        raise ObsplanError(f"{path}: is a folder; give a scenario file inside it") from None
+        raise ObsplanError(f"{path}: is a folder and no scenario file; {meant(path)}") from None
     except OSError as error:
         raise ObsplanError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:

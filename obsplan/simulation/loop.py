@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from time import perf_counter
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -47,7 +48,8 @@ def simulate(
     seed
         Of all random numbers; default: the scenario's. The same seed gives the same noise to every planner.
     progress
-        Called with (steps done, steps in all) every few hundred steps.
+        Called with (done, in all) every few hundred steps. Planning before the mission, by a planner that does so, is told as the first
+        half.
 
     Raises
     ------
@@ -98,8 +100,11 @@ class ClosedLoop:
     def fly(self, seed: int, *, start: Pose | None = None, progress: Progress | None = None) -> Run:
         """Fly the mission under the noise of a seed, the aid vehicle from another ``start`` than `start` where one is given."""
         began, progress = perf_counter(), progress or (lambda _done, _steps: None)
-        first, inputs = mission_inputs(self.scenario, start or self.start, seed)
+        start = start or self.start
+        first, inputs = mission_inputs(self.scenario, start, seed)
         steps, auvs = len(inputs.time), len(self.scenario.table.auv)
+        if hasattr(self.planner, "prepare"):
+            progress = prepared(self.planner, start, progress)
         carry = Carry(*(np.concatenate([a[None], np.empty((steps, *a.shape))]) for a in first))
         log = Log(*(np.empty((steps, *shape_of(name, auvs))) for name in Log._fields))
         decisions: list[float] = []
@@ -193,6 +198,12 @@ class ClosedLoop:
                 means, covariances, noises, scenario.table.auv, courses, strict=True
             )
         ]
+
+
+def prepared(planner: Any, start: Pose, progress: Progress) -> Progress:
+    """Let a planner plan before the mission; that is told as the first half, and by what is returned the mission as the second."""
+    planner.prepare(start, lambda done, total: progress(done, 2 * total))
+    return lambda done, steps: progress(steps + done, 2 * steps)
 
 
 def course(

@@ -7,6 +7,7 @@ _HOME = {
     "ITEMS": "items",
     "Finding": "item",
     "Item": "item",
+    "free_or_begun": "page",
     "write_thesis": "page",
 }
 

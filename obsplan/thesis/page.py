@@ -1,12 +1,16 @@
 """The thesis as a folder: for each item its picture, its data and what was found, and a page with all of them."""
 
+import json
+import os
 from collections.abc import Callable, Iterable
 from functools import partial
+from itertools import takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import obsplan
 from obsplan.files import write_atomically
-from obsplan.report.files import new_folder, table_csv
+from obsplan.report.files import as_json, check_free, free_folder, numbered, table_csv
 from obsplan.thesis.item import Finding, Item
 from obsplan.thesis.items import ITEMS
 from obsplan.types import ObsplanError
@@ -14,6 +18,7 @@ from obsplan.types import ObsplanError
 if TYPE_CHECKING:
     import xarray as xr
 
+PAGE, RECORD = "thesis.md", "findings.json"
 WIDTH = 720  # of a picture on the page [pixel]
 HEADINGS = {
     "fig5": "Simulations (chapter 5)",
@@ -23,6 +28,7 @@ HEADINGS = {
 }
 
 Progress = Callable[[int, int], None]
+Record = dict[str, Any]  # as it stands in findings.json
 
 
 def select(names: Iterable[str]) -> list[Item]:
@@ -50,12 +56,17 @@ def write_thesis(
     seed: int = 1,
     progress: Progress | None = None,
 ) -> dict[str, Finding]:
-    """Make items and write pictures, data and ``thesis.md`` into a new folder, all or nothing; returns what was found, by item.
+    """Make items and write pictures, data and ``thesis.md`` into a folder; returns what was found, by item.
+
+    Each item is kept when it is finished, and noted in ``findings.json``; ``thesis.md`` comes last. Whatever ends the work before, the same
+    call goes on from there, and the folder holds the same bytes in the end.
 
     Parameters
     ----------
     names
         Of items, or ``all``.
+    folder
+        Made unless it was begun by the same call of the same version.
     runs
         Noise seeds of tables and studies, and at most so many random starts of figures.
     seed
@@ -66,31 +77,96 @@ def write_thesis(
     Raises
     ------
     ObsplanError
-        An item is not known, or the folder exists or cannot be written.
+        An item is not known, or the folder exists with anything else in it or cannot be written.
     """
-    items, findings, sections = select(names), {}, []
-    with new_folder(Path(folder)) as made:
-        for k, item in enumerate(items):
-            data = item.compute(runs=runs, seed=seed)
-            findings[item.name] = item.found(data)
-            write_item(item, data, made)
-            sections.append(
-                section(item, findings[item.name], [] if item.rows is None else item.rows(data))
-            )
-            if progress is not None:
-                progress(k + 1, len(items))
-        write_atomically(made / "thesis.md", page(items, findings, sections, runs=runs, seed=seed))
-    return findings
+    items, folder = select(names), Path(folder)
+    asked = request(items, runs=runs, seed=seed)
+    found = begun(folder, asked)
+    if found is None:
+        found = begin(folder, asked)
+    for done, item in enumerate(items, start=1):
+        if item.name not in found:
+            found[item.name] = write_item(item, folder, runs=runs, seed=seed)
+            note(folder, asked, found)
+        if progress is not None:
+            progress(done, len(items))
+    write_atomically(folder / PAGE, page(items, found, runs=runs, seed=seed))
+    return {item.name: finding_of(found[item.name]) for item in items}
 
 
-def write_item(item: Item, data: "xr.Dataset", folder: Path) -> None:
-    """Write an item's NAME.png, NAME.nc and, for a table, NAME.csv."""
+def free_or_begun(
+    out: Path | None, names: Iterable[str], *, runs: int = 100, seed: int = 1
+) -> Path:
+    """The folder for these items: the one asked for, else of ``thesis``, ``thesis-2``, ... the first that was begun for them or is free.
+
+    Raises
+    ------
+    ObsplanError
+        An item is not known, or the folder asked for holds anything else.
+    """
+    asked = request(select(names), runs=runs, seed=seed)
+    there = [out] if out else takewhile(os.path.lexists, numbered("thesis"))
+    for folder in there:
+        if begun(folder, asked) is not None:
+            return folder
+    return free_folder(out, "thesis")
+
+
+def request(items: list[Item], *, runs: int, seed: int) -> Record:
+    """What is asked for, in the words of the record."""
+    names = [item.name for item in items]
+    return {"version": obsplan.__version__, "runs": runs, "seed": seed, "items": names}
+
+
+def begun(folder: Path, asked: Record) -> Record | None:
+    """Records of the items finished in a folder that was begun for the same request and is not complete; None of any other."""
+    if (folder / PAGE).exists():
+        return None
+    try:
+        record = json.loads((folder / RECORD).read_bytes())
+    except (OSError, ValueError):  # none there, or not ours
+        return None
+    if not isinstance(record, dict) or any(record.get(key) != asked[key] for key in asked):
+        return None
+    found = record.get("found")
+    return found if isinstance(found, dict) else None
+
+
+def begin(folder: Path, asked: Record) -> Record:
+    """Make a new folder, with a record of nothing finished."""
+    check_free(folder)
+    try:
+        folder.mkdir()
+    except OSError as error:
+        raise ObsplanError(
+            f"{folder} cannot be made ({error.strerror}): give another folder with --out"
+        ) from error
+    note(folder, asked, {})
+    return {}
+
+
+def note(folder: Path, asked: Record, found: Record) -> None:
+    """Write the record of what is finished."""
+    write_atomically(folder / RECORD, as_json(asked | {"found": found}))
+
+
+def finding_of(record: Record) -> Finding:
+    """What a record says was found."""
+    return Finding(agrees=record["agrees"], sentence=record["sentence"])
+
+
+def write_item(item: Item, folder: Path, *, runs: int, seed: int) -> Record:
+    """Compute an item, write its NAME.nc, NAME.png and, for a table, NAME.csv; returns all that the page says of it."""
     from obsplan.report.style import png
 
+    data = item.compute(runs=runs, seed=seed)
+    finding, rows = item.found(data), [] if item.rows is None else item.rows(data)
     write_atomically(folder / f"{item.name}.nc", netcdf(data))
     write_atomically(folder / f"{item.name}.png", png(partial(item.draw, data)))
     if item.rows is not None:
-        write_atomically(folder / f"{item.name}.csv", table_csv(item.rows(data)))
+        write_atomically(folder / f"{item.name}.csv", table_csv(rows))
+    agrees = None if finding.agrees is None else bool(finding.agrees)
+    return {"agrees": agrees, "sentence": finding.sentence, "rows": rows}
 
 
 def netcdf(data: "xr.Dataset") -> bytes:
@@ -100,13 +176,13 @@ def netcdf(data: "xr.Dataset") -> bytes:
 
 def page(
     items: list[Item],
-    findings: dict[str, Finding],
-    sections: list[list[str]],
+    found: Record,
     *,
     runs: int,
     seed: int,
 ) -> str:
     """The summary page, in Markdown."""
+    findings = {name: finding_of(record) for name, record in found.items()}
     lines = [
         "# The thesis, reproduced",
         "",
@@ -121,13 +197,13 @@ def page(
         ),
     ]
     chapter = ""
-    for item, text in zip(items, sections, strict=True):
+    for item in items:
         heading = next(
             heading for prefix, heading in HEADINGS.items() if item.name.startswith(prefix)
         )
         lines += [] if heading == chapter else ["", f"## {heading}"]
         chapter = heading
-        lines += text
+        lines += section(item, findings[item.name], found[item.name]["rows"])
     return "\n".join(lines) + "\n"
 
 

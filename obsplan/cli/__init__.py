@@ -1,0 +1,101 @@
+"""``obsplan ...``: the command line. What a command needs is imported when it runs."""
+
+import signal
+import sys
+from threading import Event
+from types import FrameType
+from typing import Annotated
+
+import typer
+
+from obsplan.cli.campaigns import campaign, campaign_report
+from obsplan.cli.commands import compare, new, run, scenarios, schema, thesis
+from obsplan.cli.terminal import INTERRUPTED, WRONG_INPUT, complain, open_door, put, say
+
+__all__ = ["main"]
+
+COMMANDS = (run, compare, campaign, campaign_report, thesis, new, scenarios, schema)
+EPILOG = (
+    "Exit codes: 0 done; 2 what was given is wrong, and one sentence says what; "
+    "3 some missions of a campaign failed; 130 interrupted by Ctrl-C."
+)
+
+app = typer.Typer(
+    help="Plan the path of an aid vehicle so that AUVs measuring only acoustic range to it know where they are.",
+    epilog=EPILOG,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+for command in COMMANDS:
+    app.command()(command)
+
+
+def say_version(wanted: bool) -> None:
+    """Print the version, if that is what is wanted."""
+    if wanted:
+        from obsplan import __version__
+
+        say(f"obsplan {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Print the version and exit.", is_eager=True, callback=say_version
+        ),
+    ] = False,
+) -> None:
+    """Take what belongs to no command."""
+
+
+def main() -> None:
+    """Run the command line: exit code 0 done, 2 what the user gave is wrong, 3 missions failed, 130 interrupted."""
+    open_door()
+    stopped = listen()
+    try:
+        code = app(prog_name="obsplan", standalone_mode=False)
+        put("")  # what the parser printed and is still on its way
+    except (KeyboardInterrupt, typer.Abort):
+        code = INTERRUPTED
+    except SystemExit as end:  # with 1: of the parser, because nobody is left to read its help
+        sys.exit(0 if end.code == 1 else end.code)
+    except Exception as error:
+        code = WRONG_INPUT
+        if message := fault(error):
+            complain(message)
+        elif stopped.is_set():
+            code = INTERRUPTED
+        else:
+            raise  # ours: the traceback is what we need to mend it
+    if code == INTERRUPTED:  # which the command line's own parser may return, too
+        complain("interrupted; nothing was written")
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def listen() -> Event:
+    """Note that Ctrl-C was typed: libraries in other languages turn the exception into one of theirs."""
+    stopped = Event()
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        stopped.set()
+        signal.default_int_handler(number, frame)
+
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not in the background, say
+        signal.signal(signal.SIGINT, stop)
+    return stopped
+
+
+def fault(error: Exception) -> str | None:
+    """What the user gave that is wrong, or None if the fault is ours."""
+    from obsplan.types import ObsplanError
+
+    if isinstance(error, ObsplanError):
+        return str(error)
+    message = getattr(error, "format_message", None)  # of the command line's own parser
+    if message is None:
+        return None
+    return f"{message().rstrip('.') or 'no command was given'}; see obsplan --help"

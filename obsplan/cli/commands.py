@@ -1,0 +1,205 @@
+"""Commands on one survey: fly it, compare planners on it, make it; and what there is to choose from."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from obsplan.cli.arguments import Out, PlannerName, Planners, ScenarioName, Seed, Settings, named
+from obsplan.cli.campaigns import compare_suite
+from obsplan.cli.progress import Advance, progress
+from obsplan.cli.terminal import keeping, put, say, say_next, say_written, show
+
+if TYPE_CHECKING:
+    from obsplan.scenario import Scenario
+
+
+def run(
+    scenario: ScenarioName,
+    planner: PlannerName = None,
+    seed: Seed = None,
+    settings: Settings = None,
+    out: Out = None,
+) -> None:
+    """Simulate a survey: plan the aid vehicle's path, estimate, report, write files a vehicle can load."""
+    from obsplan.report import (
+        free_folder,
+        limit_notes,
+        planner_notes,
+        run_table,
+        verdicts,
+        write_free,
+        write_run,
+    )
+    from obsplan.scenario import load
+    from obsplan.simulation import simulate
+
+    loaded = load(scenario, planner=planner, settings=settings or ())
+    name = loaded.table.name
+    free_folder(out, name)  # a folder that cannot be made is refused before anything is flown
+    with progress(f"{name}, {loaded.table.planner.kind}") as advance:
+        flown = simulate(loaded, seed=seed, progress=advance)
+    folder = write_free(out, name, lambda folder: write_run(flown, folder))
+    show(run_table(flown))
+    for sentence in (*verdicts(flown), *limit_notes(flown), *planner_notes(flown)):
+        say(sentence)
+    say_written(folder, "map.png, errors.png, path.waypoints, path.geojson, tracks.csv and more")
+
+
+def compare(
+    scenario: ScenarioName,
+    planners: Planners = None,
+    runs: Annotated[
+        int, typer.Option("--runs", min=1, help="Seeds per planner; the same for each of them.")
+    ] = 1,
+    seed: Seed = None,
+    settings: Settings = None,
+    out: Out = None,
+) -> None:
+    """Compare planners on one scenario under the same noise, or on the whole `suite` of them."""
+    from obsplan.planners import PLANNERS, SLOW
+    from obsplan.report import (
+        compare_table,
+        comparison_sentences,
+        free_folder,
+        write_comparison,
+        write_free,
+    )
+    from obsplan.report.words import title
+    from obsplan.scenario import load
+
+    names = named(planners) or [name for name in PLANNERS if name not in SLOW]
+    if scenario == "suite":
+        compare_suite(names, runs, seed, settings or [], out or Path("suite"))
+        return
+    loaded = {
+        name: load(scenario, planner=name, settings=settings or ()) for name in dict.fromkeys(names)
+    }
+    table = next(iter(loaded.values())).table
+    name = f"{table.name}-compare"
+    free_folder(out, name)  # a folder that cannot be made is refused before anything is flown
+    first = table.seed if seed is None else seed
+    with progress(f"{table.name}, {len(loaded)} planners") as advance:
+        rows = compared(loaded, range(first, first + runs), advance)
+    heading = f"{title(table.name)}, {runs} run{'s' * (runs > 1)} each"
+    folder = write_free(out, name, lambda folder: write_comparison(rows, folder, title=heading))
+    show(compare_table(rows))
+    for sentence in comparison_sentences(rows):
+        say(sentence)
+    say_written(folder, "compare.csv, compare.png")
+
+
+def compared(
+    scenarios: dict[str, "Scenario"], seeds: range, advance: Advance
+) -> list[dict[str, Any]]:
+    """Figures of merit of each planner's scenario under each seed."""
+    from obsplan.simulation import simulate
+
+    rows: list[dict[str, Any]] = []
+    total = len(seeds) * len(scenarios)
+    for name, scenario in scenarios.items():
+        for number in seeds:
+            flown = simulate(
+                scenario,
+                seed=number,
+                progress=lambda done, steps: advance(len(rows) + done / steps, total),
+            )
+            rows.append({"planner": name, "seed": number, **flown.summary()["all"]})
+            advance(len(rows), total)
+    return rows
+
+
+def thesis(
+    items: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="ITEM...", help="fig5.1 ... table5.2, figB.1 ..., study-horizon ..., or all."
+        ),
+    ],
+    runs: Annotated[
+        int,
+        typer.Option(
+            "--runs",
+            min=2,
+            help="Seeds of tables; studies take a fifth, figures at most fifty starts.",
+        ),
+    ] = 100,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="The first of them.")] = 1,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            help="Folder to make; default: ./thesis, then ./thesis-2, ... One that the same command began is resumed.",
+        ),
+    ] = None,
+) -> None:
+    """Reproduce the thesis: its figures, tables and claims, and answers to its open questions."""
+    from obsplan.thesis import ITEMS, free_or_begun, write_thesis
+
+    folder = free_or_begun(out, items, runs=runs, seed=seed)
+    with keeping(folder), progress("thesis") as advance:
+        findings = write_thesis(items, folder, runs=runs, seed=seed, progress=advance)
+    for name, finding in findings.items():
+        say(f"{name}, {ITEMS[name].verdict(finding)}: {finding.sentence}")
+    say_written(folder, "thesis.md, and a picture and the data of each item")
+
+
+def new(
+    mission_file: Annotated[
+        Path,
+        typer.Argument(metavar="MISSION_FILE", help="A survey as your planning program saves it."),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", help="Scenario file to write; default: the mission file's name with .toml."
+        ),
+    ] = None,
+) -> None:
+    """Write a commented scenario around your own survey, ready to run, and say what was understood of it."""
+    from obsplan.scenario.account import write_new
+    from obsplan.types import ObsplanError
+
+    path = out or Path(f"{mission_file.stem}.toml")
+    if path.suffix != ".toml":
+        raise ObsplanError(f"--out {path}: a scenario file ends in .toml; write {path}.toml")
+    if path.exists():
+        raise ObsplanError(f"{path} exists and is not overwritten; give another name with --out")
+    for line in write_new(mission_file, path):
+        say(line, indent=4)
+    say_next("run", str(path))
+
+
+def scenarios() -> None:
+    """List the scenarios that come with obsplan, and those of the suite on which planners are compared."""
+    from obsplan.scenario import load, shipped, suite
+
+    names = [*shipped(), *suite()]
+    width = max(len(name) for name in names)
+    for name in names:
+        loaded = load(name)
+        auvs, minutes = len(loaded.table.auv), loaded.time[-1] / 60
+        size = f"{auvs} AUV{'s' if auvs > 1 else ' '}  {minutes:6.1f} min"
+        say(f"{name:{width}}  {size}  {loaded.table.description}", indent=4)
+
+
+def schema(
+    json: Annotated[bool, typer.Option("--json", help="As JSON Schema, for editors.")] = False,
+) -> None:
+    """List every key a scenario file may have, with its type, default, unit and meaning."""
+    from obsplan.scenario.schema import json_schema, sections
+
+    if json:
+        import json as writer
+
+        put(writer.dumps(json_schema(), indent=2) + "\n")
+        return
+    for path, rows in sections():
+        say("")
+        say(f"[{path}]" if path else "Top of the file")
+        for key, kind, default, description in rows:
+            say(
+                f"  {key:18} {kind}{f', default {default}' if default not in ('', 'required') else ', required' if default else ''}",
+                indent=21,
+            )
+            say(f"  {'':18} {description}", indent=21)
