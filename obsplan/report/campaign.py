@@ -179,8 +179,9 @@ def known(labels: tuple) -> tuple:
 def setting(keys: list[str], labels: tuple) -> str:
     """A scenario and the values of what was varied, in words."""
     scenario, *values = labels
-    varied = zip(keys[1:], values, strict=True)
-    return ", ".join([scenario, *(f"{key} = {worded(value)}" for key, value in varied)])
+    varied = zip(keys[1:], known(tuple(values)), strict=True)
+    given = (f"{key} = {worded(value)}" for key, value in varied if value is not None)
+    return ", ".join([scenario, *given])
 
 
 def tally(settings: list[Standing]) -> list[str]:
