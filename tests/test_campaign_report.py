@@ -2,6 +2,7 @@
 
 import csv
 import math
+import re
 
 import numpy as np
 import pandas as pd
@@ -29,10 +30,10 @@ from obsplan.report.style import MARKERS
 from obsplan.types import ObsplanError
 
 
-def table_of(errors, keys=(), violations=None):
+def table_of(errors, keys=(), violations=None, violation=None):
     """A campaign's table from {(scenario, planner, value of each key): errors by seed}; nan is a failure.
 
-    ``violations`` are of the same form; without them there are no limits.
+    ``violations`` are of the same form; without them there are no limits. ``violation`` is of all missions.
     """
     rows = [
         [
@@ -41,17 +42,17 @@ def table_of(errors, keys=(), violations=None):
             "failed" if math.isnan(error) else "done",
             None,
             *[error] * (len(FIGURES) - 1),
-            violation,
+            worst,
             "{}",
             "{}",
         ]
         for labels, values in errors.items()
-        for seed, (error, violation) in enumerate(
+        for seed, (error, worst) in enumerate(
             zip(values, (violations or {}).get(labels, [math.nan] * len(values)), strict=True)
         )
     ]
     assert FIGURES[-1] == "violation_max_m"
-    return pd.DataFrame(
+    table = pd.DataFrame(
         rows,
         columns=[
             "scenario",
@@ -65,6 +66,7 @@ def table_of(errors, keys=(), violations=None):
             "status_counts",
         ],
     )
+    return table if violation is None else table.assign(violation_max_m=violation)
 
 
 @pytest.fixture
@@ -205,36 +207,103 @@ def test_every_pair_of_planners_is_compared_in_every_setting_and_corrected_for_a
     np.testing.assert_allclose(pairs["p_holm"].min(), 6 * pairs["p"].min())
 
 
-def test_sentences_name_the_winner_its_lead_and_what_failed():
+def told(table):
+    return sentences(table, paired(table))
+
+
+def test_sentences_name_the_leader_its_margin_and_what_failed():
     errors = {
-        ("pond", name): [base + 0.01 * k for k in range(12)]
+        ("pond", name): [base + 0.01 * k for k in range(13)]
         for name, base in (("a", 1.0), ("b", 2.0), ("c", 3.0))
     }
     errors["pond", "c"][3] = math.nan
-    table = table_of(errors)
-    first, second = sentences(table, paired(table), medians(table))
-    assert first.startswith(
-        "pond: a has the lowest error, by 1.00 m in the median of 12 seeds against b (corrected p at most 0.00"
+    first, second = told(table_of(errors, violation=-1.0))
+    lead, chance = first.split(". ", 1)
+    assert lead == (
+        "pond: a has the lowest RMS error, 1.06 m in the median of 13 seeds; "
+        "b comes next, seed by seed 1 m higher (95 % interval 1 to 1 m)"
     )
-    assert second == "1 of 36 missions failed and are left out of all medians and comparisons."
+    assert (
+        2 * 2 * 0.5**12 < 0.001
+    )  # Holm's factors are 3, 2, 1, and twelve pairs of one sign the worst
+    assert "(p < 0.001, signed-rank test" in chance
+    assert chance.startswith("Its lead over every other planner is beyond chance")
+    assert second == "1 of 39 missions failed and are left out of all medians and comparisons."
 
 
-def test_sentences_claim_no_winner_where_chance_could_explain_it():
-    same = table_of({("pond", "a"): [1.0, 3.0, 2.0, 5.0], ("pond", "b"): [2.0, 1.0, 3.0, 4.0]})
-    assert sentences(same, paired(same), medians(same)) == [
-        "pond: no planner leads all others by more than chance could explain."
-    ]
+def test_sentences_say_where_chance_could_explain_the_lead():
+    rng = np.random.default_rng(7)
+    same = table_of(
+        {("pond", name): list(rng.uniform(1.0, 2.0, 12)) for name in ("a", "b")}, violation=-1.0
+    )
+    (sentence,) = told(same)
+    leader, other = same.groupby("planner")["rms_error_m"].median().sort_values().index
+    assert sentence.startswith(f"pond: {leader} has the lowest RMS error, ")
+    assert f"Its lead over {other} could be chance (p up to " in sentence
+
+
+@pytest.mark.parametrize(("planners", "least"), [(2, 6), (3, 7), (9, 11)])
+def test_too_few_seeds_are_said_to_be_too_few_and_enough_are_not(planners, least):
+    """Of n pairs all of one sign p is 2^(1-n), and Holm multiplies it by the number of comparisons."""
+    comparisons = planners * (planners - 1) // 2
+    assert comparisons * 2.0 ** (1 - least) < 0.05 <= comparisons * 2.0 ** (2 - least)
+
+    def clear(seeds):
+        return told(
+            table_of(
+                {
+                    ("pond", f"p{k}"): [k + 0.1 * k * seed for seed in range(1, seeds + 1)]
+                    for k in range(1, planners + 1)
+                },
+                violation=-1.0,
+            )
+        )
+
+    (few,) = clear(least - 1)
+    assert f"from {least} on (--runs {least}) it can be told" in few
+    (enough,) = clear(least)
+    assert "beyond chance" in enough
+
+
+def test_planner_that_broke_a_limit_never_leads_unmarked():
+    errors = {("pond", name): [base + 0.01 * k for k in range(13)] for name, base in (("a", 1.0), ("b", 2.0), ("c", 3.0))}  # fmt: skip
+    table = table_of(errors, violation=-1.0)
+    table.loc[(table["planner"] == "a") & (table["seed"] == 5), "violation_max_m"] = 12.5
+    (sentence,) = told(table)
+    assert sentence.startswith("pond: b has the lowest RMS error of those that kept within the limits, 2.06 m")  # fmt: skip
+    assert sentence.endswith("Limits were broken by a (up to 12.5 m).")
+    table["violation_max_m"] = 3.0
+    (sentence,) = told(table)
+    assert "a has the lowest RMS error, though none kept within the limits" in sentence
 
 
 def test_sentences_count_settings_where_they_are_many(grid):
-    (told,) = sentences(grid, paired(grid), medians(grid))
-    assert "of 6 settings: circle in 6; in 0 chance could explain the lead" in told
+    grid["violation_max_m"] = np.nan
+    (sentence,) = told(grid)
+    assert "of 6 settings: circle in 6 (6 beyond chance), the next with " in sentence
+    ratio = float(re.search(r"the next with ([\d.]+) times", sentence)[1])
+    medians_of = grid.groupby(["ranging.sigma", "cna.speed", "planner"])["rms_error_m"].median().unstack()  # fmt: skip
+    assert ratio == pytest.approx(stats.gmean(medians_of["gramian"] / medians_of["circle"]), abs=0.005)  # fmt: skip
+    few = told(grid[grid["seed"] < 7])
+    assert "In 6 settings there are too few seeds" in few[1]
+    assert "(--runs 8)" in few[1]
+    grid.loc[grid["planner"] == "circle", "violation_max_m"] = 2.0
+    broken = told(grid)
+    assert "circle in" not in broken[0]
+    assert broken[-1].startswith("circle broke a limit in 6 settings, by up to 2.00 m")
+
+
+def test_settings_that_one_planner_lacks_are_compared_where_they_are_shared():
+    shared = {("pond", name, None): [base] * 6 for name, base in (("circle", 1.0), ("trail", 2.0))}
+    table = table_of(shared | {("pond", "path-inertia", 0.5): [3.0] * 6}, keys=("planner.gamma",))
+    (sentence,) = told(table.assign(violation_max_m=np.nan))
+    assert sentence.startswith("pond: circle has the lowest RMS error")
 
 
 def test_lone_planner_is_compared_with_none(grid):
     alone = grid[grid["planner"] == "circle"]
     assert paired(alone).empty
-    assert sentences(alone, paired(alone), medians(alone)) == []
+    assert told(alone) == []
 
 
 def curves(panel):
@@ -313,12 +382,6 @@ def test_medians_count_missions_that_broke_a_limit_and_tell_the_worst(trespass):
     free = medians(table_of({("pond", "circle"): [1.0, 2.0]}))
     assert free["violated"].tolist() == [0]
     assert free["violation_worst_m"].isna().all()
-
-
-def test_planner_that_breaks_a_limit_is_named_beside_the_leader(trespass):
-    told = sentences(trespass, paired(trespass), medians(trespass))
-    assert "circle broke a limit in 2 of 16 missions, by up to 3.50 m." in told
-    assert not any("gramian broke" in one for one in told)
 
 
 def test_table_on_the_terminal_has_a_column_of_limits_where_there_are_any(trespass, grid):

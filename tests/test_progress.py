@@ -15,7 +15,7 @@ from obsplan.cli.progress import State, progress
 from obsplan.scenario import load
 from obsplan.simulation import simulate
 
-BRIEF = ["duration=60.0", "planner.starts=3"]
+BRIEF = ["duration=30.0", "planner.starts=3"]
 
 
 def test_line_says_share_time_taken_and_time_left():

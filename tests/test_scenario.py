@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from obsplan.missions import READERS, Mission, Track
 from obsplan.scenario import from_dict, load, shipped
-from obsplan.scenario.files import read
+from obsplan.scenario.files import SHIPPED, read
 from obsplan.scenario.schema import json_schema, sections
 from obsplan.types import ObsplanError
 
@@ -275,3 +275,33 @@ def test_a_speed_in_the_file_that_no_auv_has_is_overridden_or_refused(monkeypatc
     ):
         from_dict({**SMALL, "auv": [{"survey": survey}]})
     assert from_dict({**SMALL, "auv": [{"survey": survey, "speed": 1.0}]}).time[-1] == 70.0
+
+
+def test_shipped_name_means_the_shipped_scenario_whatever_lies_in_the_folder(tmp_path, monkeypatch):
+    expected = load("harbor-survey").table
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "harbor-survey").mkdir()  # as `obsplan run harbor-survey` makes it
+    (tmp_path / "suite" / "keep-outs").mkdir(parents=True)
+    assert load("harbor-survey").table == expected
+    assert load("suite/keep-outs").table.name == "keep-outs"
+    text = (SHIPPED / "fixed-auv.toml").read_text()
+    (tmp_path / "survey-slow").write_text(text.replace('name = "fixed-auv"', 'name = "mine"'))
+    assert load("survey-slow").table.name == "survey-slow"
+    assert load("./survey-slow").table.name == "mine"
+    assert load(tmp_path / "survey-slow").table.name == "mine"
+
+
+def test_folder_is_refused_with_the_file_that_was_meant(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mission").mkdir()
+    with pytest.raises(ObsplanError, match="mission: is a folder and no scenario file; known are"):
+        load("mission")
+    (tmp_path / "mission" / "scenario.toml").touch()
+    with pytest.raises(ObsplanError, match=r'did you mean "mission/scenario.toml"'):
+        load("mission")
+    (tmp_path / "mission.toml").touch()
+    with pytest.raises(ObsplanError, match=r'did you mean "mission.toml"'):
+        load("mission")
+    (tmp_path / "lake.toml").touch()
+    with pytest.raises(ObsplanError, match=r'no scenario "lake" .* did you mean "lake.toml"'):
+        load("lake")

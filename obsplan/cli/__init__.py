@@ -31,7 +31,7 @@ for command in COMMANDS:
     app.command()(command)
 
 
-def say_version(wanted: bool) -> None:
+def say_version(wanted: bool | None) -> None:
     """Print the version, if that is what is wanted."""
     if wanted:
         from obsplan import __version__
@@ -43,11 +43,11 @@ def say_version(wanted: bool) -> None:
 @app.callback()
 def options(
     version: Annotated[
-        bool,
+        bool | None,  # None when the command line is called from code
         typer.Option(
             "--version", help="Print the version and exit.", is_eager=True, callback=say_version
         ),
-    ] = False,
+    ] = None,
 ) -> None:
     """Take what belongs to no command."""
 

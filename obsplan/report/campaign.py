@@ -80,7 +80,7 @@ def write_campaign_report(folder: Path | str) -> CampaignReport:
     return CampaignReport(
         medians=by_cell,
         pairs=pairs,
-        sentences=sentences(table, pairs, by_cell),
+        sentences=sentences(table, pairs),
         files=list(contents),
     )
 
@@ -148,17 +148,6 @@ def broken_by(row: dict[str, Any]) -> str:
     return f"{cell(row['violation_worst_m'], 2)} (in {row['violated']})"
 
 
-def limit_sentences(by_cell: "pd.DataFrame") -> list[str]:
-    """Which planners broke a limit, how often and by how much."""
-    said = []
-    for planner, rows in by_cell.groupby("planner"):
-        if violated := int(rows["violated"].sum()):
-            most = metres(float(rows["violation_worst_m"].max()))
-            of = int(rows["missions"].sum())
-            said.append(f"{planner} broke a limit in {violated} of {of} missions, by up to {most}.")
-    return said
-
-
 def interval(value: float, low: float, high: float) -> str:
     """A median and its interval, as far as there are any."""
     if math.isnan(value):
@@ -166,7 +155,7 @@ def interval(value: float, low: float, high: float) -> str:
     return f"{value:.3g}" + ("" if math.isnan(low) else f" [{low:.3g}, {high:.3g}]")
 
 
-def sentences(table: "pd.DataFrame", pairs: "pd.DataFrame", by_cell: "pd.DataFrame") -> list[str]:
+def sentences(table: "pd.DataFrame", pairs: "pd.DataFrame") -> list[str]:
     """Who leads, setting by setting where they are few, and what is left out."""
     settings = standings(table, pairs)
     if len(settings) <= MOST_SENTENCES:
@@ -176,7 +165,6 @@ def sentences(table: "pd.DataFrame", pairs: "pd.DataFrame", by_cell: "pd.DataFra
         ]
     else:
         said = tally([*settings.values()])
-    said += limit_sentences(by_cell)
     if failed := int((table["status"] == "failed").sum()):
         said.append(
             f"{failed} of {len(table)} missions failed and are left out of all medians and comparisons."
@@ -205,8 +193,9 @@ def known(labels: tuple) -> tuple:
 def setting(keys: list[str], labels: tuple) -> str:
     """A scenario and the values of what was varied, in words."""
     scenario, *values = labels
-    varied = zip(keys[1:], values, strict=True)
-    return ", ".join([scenario, *(f"{key} = {worded(value)}" for key, value in varied)])
+    varied = zip(keys[1:], known(tuple(values)), strict=True)
+    given = (f"{key} = {worded(value)}" for key, value in varied if value is not None)
+    return ", ".join([scenario, *given])
 
 
 def tally(settings: list[Standing]) -> list[str]:

@@ -150,8 +150,8 @@ def chance(standing: Standing) -> str:
         return f"Its lead over {listed(standing.level)} could be chance (p up to {p:.2g}, {corrected}); more seeds may tell."
     p = max(row["p_holm"] for row in standing.rivals.values())
     told = f"p = {p:.1g}" if p >= 0.001 else "p < 0.001"
-    whom = "it" if len(standing.rivals) == 1 else "every other planner"
-    return f"Its lead over {whom} is beyond chance ({told}, {corrected})."
+    whom = "" if len(standing.rivals) == 1 else " over every other planner"
+    return f"Its lead{whom} is beyond chance ({told}, {corrected})."
 
 
 def broken_sentences(standing: Standing) -> list[str]:
