@@ -65,6 +65,7 @@ WITH_UNITS = "\ufeffLatitude_deg, Longitude (deg)\r\n\r\n , \r\n"
     [
         table("lat,lon"),
         table("LATITUDE , Longitude"),
+        table("Latitude [degrees_north],Longitude (decimal degrees)"),
         table(WITH_UNITS.strip(), end="\r\n"),
         table("lon;lat", LONLAT, ";"),
         table("nr;lat;lon", [(i, comma(a), comma(b)) for i, (a, b) in enumerate(LAWN_LATLON)], ";"),
@@ -155,6 +156,16 @@ def test_how_a_table_without_a_heading_is_read_is_said(tmp_path, first, rows, sa
     np.testing.assert_allclose(mission.tracks["a"].points, expected)
 
 
+def test_further_columns_of_a_table_without_a_heading_are_said(tmp_path):
+    rows = [(i, *place, -5) for i, place in enumerate(LAWN_LATLON)]
+    mission = read(tmp_path, "a.csv", table(None, rows))
+    check_lawn(mission, "a")
+    assert mission.remarks == (
+        "no heading: columns 2 and 3 are read as lat and lon [degrees]",
+        '2 columns ("column 1" and "column 4") passed over',
+    )
+
+
 @given(
     angle=st.floats(0, 89.99),
     letter=st.sampled_from("NS"),
@@ -228,6 +239,8 @@ def test_names_are_the_waypoints_beside_a_column_of_tracks_or_where_most_are_alo
     mission = read(tmp_path, "c.csv", table(f"lat,lon,name,{heading}", rows_with(names, lines)))
     assert [len(track.points) for track in mission.tracks.values()] == [3, 3]
     assert mission.remarks == ('1 column ("name") passed over',)
+    legs = table(f"lat,lon,{heading}", rows_with(range(6)))
+    assert list(read(tmp_path, "c.csv", legs).tracks) == ["c"]
     loop = table("lat,lon,name", [*rows_with(names), (*LAWN_LATLON[0], "WP0")])
     assert list(read(tmp_path, "c.csv", loop).tracks) == ["c"]
 

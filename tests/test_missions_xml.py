@@ -81,7 +81,7 @@ def without_namespaces(text):
 @pytest.mark.parametrize(
     "content",
     [
-        GPX.format(route()),
+        "\n  " + GPX.format(route()),
         GPX.format(route(inside="<name>WP</name><ele/><sym>flag</sym>")),
         without_namespaces(GPX.format(route())),
         GPX.format(route()).replace("GPX/1/1", "GPX/1/0").replace('"1.1"', '"1.0"'),
