@@ -14,48 +14,25 @@ from mission_files import (
     ORIGIN,
     TRACK,
     check_lawn,
-    check_refused,
-    check_survives_damage,
     read,
     write,
 )
 from pymap3d.vincenty import vdist
+from table_files import (
+    BLANKED,
+    EAST,
+    LAWN_WKT,
+    LETTERED,
+    LONLAT,
+    WITH_UNITS,
+    comma,
+    rows_with,
+    table,
+)
 
 from obsplan.missions import read_areas, to_local
 from obsplan.missions.tables.angles import read_angle
 from obsplan.types import ObsplanError
-
-
-def table(heading, rows=LAWN_LATLON, delimiter=",", end="\n"):
-    """A table of rows."""
-    lines = [delimiter.join(str(cell) for cell in row) for row in rows]
-    return end.join(([heading] if heading else []) + lines) + end
-
-
-def rows_with(*columns):
-    """The lawnmower's places with further columns."""
-    return [(*place, *more) for place, *more in zip(LAWN_LATLON, *columns, strict=True)]
-
-
-def comma(number):
-    """A number with a decimal comma."""
-    return f"{number:.8f}".replace(".", ",")
-
-
-def minutes(angle, letters, form="{}°{:.6f}'{}"):
-    """An angle in degrees, minutes and a letter."""
-    degrees = int(abs(angle))
-    return form.format(degrees, (abs(angle) - degrees) * 60, letters[angle < 0])
-
-
-LETTERED = [(minutes(lat, "NS"), minutes(lon, "EW")) for lat, lon in LAWN_LATLON]
-BLANKS = "{} {:.6f} {}"
-BLANKED = [(minutes(lat, "NS", BLANKS), minutes(lon, "EW", BLANKS)) for lat, lon in LAWN_LATLON]
-LONLAT = [(lon, lat) for lat, lon in LAWN_LATLON]
-EAST = [(lat, lon + 110) for lat, lon in LAWN_LATLON]
-LAWN_WKT = shapely.LineString(LONLAT).wkt
-WITH_UNITS = "\ufeffLatitude_deg, Longitude (deg)\r\n\r\n , \r\n"
-
 
 # --- coordinates ------------------------------------------------------------------------------------
 
@@ -65,6 +42,7 @@ WITH_UNITS = "\ufeffLatitude_deg, Longitude (deg)\r\n\r\n , \r\n"
     [
         table("lat,lon"),
         table("LATITUDE , Longitude"),
+        table("Latitude [degrees_north],Longitude (decimal degrees)"),
         table(WITH_UNITS.strip(), end="\r\n"),
         table("lon;lat", LONLAT, ";"),
         table("nr;lat;lon", [(i, comma(a), comma(b)) for i, (a, b) in enumerate(LAWN_LATLON)], ";"),
@@ -155,6 +133,16 @@ def test_how_a_table_without_a_heading_is_read_is_said(tmp_path, first, rows, sa
     np.testing.assert_allclose(mission.tracks["a"].points, expected)
 
 
+def test_further_columns_of_a_table_without_a_heading_are_said(tmp_path):
+    rows = [(i, *place, -5) for i, place in enumerate(LAWN_LATLON)]
+    mission = read(tmp_path, "a.csv", table(None, rows))
+    check_lawn(mission, "a")
+    assert mission.remarks == (
+        "no heading: columns 2 and 3 are read as lat and lon [degrees]",
+        '2 columns ("column 1" and "column 4") passed over',
+    )
+
+
 @given(
     angle=st.floats(0, 89.99),
     letter=st.sampled_from("NS"),
@@ -228,6 +216,8 @@ def test_names_are_the_waypoints_beside_a_column_of_tracks_or_where_most_are_alo
     mission = read(tmp_path, "c.csv", table(f"lat,lon,name,{heading}", rows_with(names, lines)))
     assert [len(track.points) for track in mission.tracks.values()] == [3, 3]
     assert mission.remarks == ('1 column ("name") passed over',)
+    legs = table(f"lat,lon,{heading}", rows_with(range(6)))
+    assert list(read(tmp_path, "c.csv", legs).tracks) == ["c"]
     loop = table("lat,lon,name", [*rows_with(names), (*LAWN_LATLON[0], "WP0")])
     assert list(read(tmp_path, "c.csv", loop).tracks) == ["c"]
 
@@ -261,13 +251,13 @@ def test_times_of_a_table_give_the_speed_on_each_leg(tmp_path, heading, start):
 def test_altitude_is_upwards_and_a_column_that_cannot_be_read_is_passed_over(tmp_path):
     columns = [[-4.5] * 6, ["slow"] * 6, [-1] * 6, [120000, 120500] * 3]
     mission = read(
-        tmp_path, "a.csv", table("lat,lon,Altitude,speed,hold,time", rows_with(*columns))
+        tmp_path, "a.csv", table("lat,lon,Altitude,speed,hold,time_utc", rows_with(*columns))
     )
     np.testing.assert_array_equal(mission.tracks["a"].altitude, [-4.5] * 6)
     assert mission.tracks["a"].speed is None
     assert mission.remarks == (
         '2 columns ("speed" and "hold") with values that cannot be read passed over',
-        '1 column ("time") with values that cannot be read passed over: write ISO 8601, or seconds under time_s',
+        '1 column ("time_utc") with values that cannot be read passed over: write ISO 8601, or seconds under time_s',
     )
 
 
@@ -321,87 +311,6 @@ def test_geometries_in_wkt_are_tracks_and_limits_by_their_names(tmp_path):
     areas, geographic = read_areas(tmp_path / "a.csv")
     assert geographic
     assert len(areas) == 5
-
-
-def test_more_lines_than_a_mission_has_are_refused_at_once(tmp_path):
-    check_refused(
-        tmp_path,
-        "a.csv",
-        "x,y\n" + "1,2\n" * 400_001,
-        "has more than 400000 lines: export the mission",
-    )
-
-
-# --- what is refused, and what survives ---------------------------------------------------------------
-
-DEGREES_AS_XY = r"columns 'X' and 'Y' look like degrees, \(10.4, 63.44\) first, not metres: head the longitudes \"lon\""
-BAD = {
-    "no coordinates": ("time,height\n1,2\n", r"line 1 must name the columns \"lat,lon\" or \"x,y\", got 'time,height'"),
-    "blank cells": (",,\n,,\n", "line 1 must name the columns"),
-    "half a pair": ("lat,y\n1,2\n", "must name the columns"),
-    "heading only": ("lat,lon\n", "has a heading but no points"),
-    "comments only": ("# lat,lon\n", "has a heading but no points"),
-    "short row": ("lat,lon\n1,2\n3\n", "line 3 has too few columns, 1 of the heading's 2"),
-    "row without its name": ("lat,lon,name\n1,2,a\n3,4,a\n5,6\n", "line 4 has too few columns, 2 of the heading's 3"),
-    "decimal commas between commas": ("lat,lon\n63,44,10,40\n", "line 2 has too many columns, 4 for the heading's 2: quote"),
-    "not a number": ("x,y\n1,2\n\n3,north\n", "line 4, column 'y', must be a number, got 'north'"),
-    "underscore": ("lat,lon\n1_0,2\n10,2.001\n", "line 2, column 'lat', must be a number, got '1_0'"),
-    "thousands": ("x;y\n1,200.5;3\n", "column 'x', must be a number, got '1,200.5'"),
-    "nan": ("x,y\n1,nan\n", "line 2, column 'y', must be a finite number, got nan"),
-    "huge": ("x,y\n1," + "2" * 200_000, "line 2, column 'y', must be a finite number, got inf"),
-    "half a place": ("lat,lon\n1,\n", "column 'lon', must be a number, got ''"),
-    "swapped": ("lat,lon\n-122.3,47.6\n", "line 2 has latitude -122.3 .*look swapped: exchange the headings"),
-    "letters swapped": ("lat,lon\n10E,63N\n", "column 'lat', must be north or south, got the letter 'E': exchange"),
-    "letter and sign": ("lat,ns,lon,ew\n-63,S,10,E\n", "column 'lat', is negative and S: leave one of them out"),
-    "sixty minutes": ("lat,lat_min,lon,lon_min\n63,61,10,0\n", "column 'lat_min', must be 0 to 60 beside whole degrees, got 61.0"),
-    "west positive": ("Latitude,Longitude (W)\n63,10\n", r"line 1 has 'Longitude \(W\)' in a unit that is not read: give degrees"),
-    "utm": ("x,y\n550000,5275000\n", r"line 2 has \(550000.0, 5275000.0\) m, more than 100 km .*UTM"),
-    "degrees in metres": ("Y;X;Z\n63.44;10.4;0\n63.448;10.4;0\n63.448;10.406;0\n", DEGREES_AS_XY),
-    "degrees near zero": ("x,y\n0.001,0.002\n0.003,0.002\n", "columns 'x' and 'y' look like degrees"),
-    "unclear numbers": ("0,0\n0,3\n2,3\n", "has no heading, and its numbers may be degrees or metres: add a heading"),
-    "many numbers": ("1.5,2.5,3.5,4.5\n", "has no heading and 4 columns of numbers: add a heading"),
-    "identical rows": ("x,y\n1,2\n1,2\n", "holds no line to follow .track \"a\" has a single place"),
-    "open quote": ('lat,lon,name\n1,2,"a\n3,4,b\n', "line 2 is not CSV .unexpected end of data.: export"),
-    "no wkt": ("id,geometry\n1,0102000020E6\n", "line 1 has a column 'geometry' without WKT: export it as WKT"),
-    "bad wkt": ("wkt\nLINESTRING (1 2)\nLINESTRING (\n", "line 2, column 'wkt', is no WKT, got 'LINESTRING .1 2.'"),
-    "wkt of utm": ('wkt\n"SRID=32632;LINESTRING (1 2, 3 4)"\n', "is in EPSG:32632, not WGS 84"),
-    "wkt far": ('wkt\n"LINESTRING (550000 5275000, 3 4)"\n', "more than 100 km .*UTM"),
-    "picture": (b"\x89PNG\r\n\x1a\n\x00\x01", r"not UTF-8 text \(byte 0x89 at position 0\): it is not what its extension says"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_a_bad_table_is_refused_in_one_sentence_that_says_where_what_and_how_to_mend(
-    tmp_path, case
-):
-    check_refused(tmp_path, "a.csv", *BAD[case])
-
-
-def test_a_small_survey_in_metres_about_its_origin_is_not_taken_for_degrees(tmp_path):
-    pool = [(0, 0), (0, 3), (2, 3)]
-    np.testing.assert_array_equal(
-        read(tmp_path, "a.csv", table("x,y", pool)).tracks["a"].points, pool
-    )
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        table("name,lat,lon,depth,time", [("q", *p, 5, i) for i, p in enumerate(LAWN_LATLON)]),
-        table("nr;lat;lon", [(i, comma(a), comma(b)) for i, (a, b) in enumerate(LAWN_LATLON)], ";"),
-        table("lat|lon", LETTERED, "|"),
-        table(
-            "name;WKT",
-            [("q", LAWN_WKT), ("fence", shapely.box(10.4, 63.44, 10.402, 63.441).wkt)],
-            ";",
-        ),
-        table(None),
-    ],
-)
-def test_a_damaged_table_gives_a_mission_or_our_error(tmp_path, content):
-    limit = csv.field_size_limit()
-    check_survives_damage(tmp_path, "a.csv", content.encode(), copies=100)
-    assert csv.field_size_limit() == limit
 
 
 def test_places_are_those_that_a_plain_reader_of_csv_reads(tmp_path):

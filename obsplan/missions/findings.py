@@ -152,7 +152,7 @@ class Findings:
                         "draw one polygon"
                     )
                 geofences += parts
-                keep_outs += outline.holes
+                keep_outs += [hole for hole in outline.holes if _is_area(hole)]
             else:
                 others += parts
                 self.passed_over("polygon", f"passed over: {NAMED_SO}", name)

@@ -26,7 +26,8 @@ def parse_xml(content: bytes, path: Path) -> "Element":
     from defusedxml.common import DefusedXmlException
     from defusedxml.ElementTree import iterparse
 
-    events = iterparse(io.BytesIO(content), ("start", "end"), forbid_dtd=True)
+    bare = io.BytesIO(content.lstrip())  # scripts leave blanks before the declaration
+    events = iterparse(bare, ("start", "end"), forbid_dtd=True)
     try:
         _, root = next(events)
         root.tag = root.tag.rpartition("}")[2]

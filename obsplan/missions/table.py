@@ -108,17 +108,16 @@ def _check_metres(table: Table, points: np.ndarray) -> None:
 def _grouping(table: Table, rows: Sequence[Row]) -> list[str]:
     """The role of the column that tells tracks apart, if there is one.
 
-    A column called name does, if at least half of the rows share theirs with another; else the
-    names are the waypoints'.
+    It is a track's name if at least half of the rows share theirs with another; else the names
+    are the waypoints'.
     """
-    if "track" in table.columns:
-        return ["track"]
-    if "name" not in table.columns:
-        return []
-    index = table.columns["name"].index
-    names = Counter(cells[index] for _, cells in rows if index < len(cells))
-    shared = sum(count for count in names.values() if count > 1)
-    return ["name"] if shared >= len(rows) / 2 else []
+    for role in ("track", "name"):
+        if role in table.columns:
+            index = table.columns[role].index
+            names = Counter(cells[index] for _, cells in rows if index < len(cells))
+            if sum(count for count in names.values() if count > 1) >= len(rows) / 2:
+                return [role]
+    return []
 
 
 def _add_tracks(

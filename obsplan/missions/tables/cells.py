@@ -14,6 +14,7 @@ from obsplan.types import ObsplanError
 # roles of coordinates; geographic first: where a table has both, its metres may have any origin
 PAIRS = (("lat", "lon"), ("east", "north"))
 _LETTERS = {"north or south": ("N", "S"), "east or west": ("E", "W")}
+_NO_UNIT = ("", "utc", "iso", "iso8601")  # of numbers under a heading of times
 _ORDER = "exchange the headings of the two columns"
 
 Row = tuple[int, list[str]]  # the number of its line, and its cells
@@ -138,7 +139,9 @@ class Table:
         texts are in ISO 8601.
         """
         numbers = self.numbers(rows, "time")
-        if numbers is not None and (self.columns["time"].unit or _since_1970(numbers)):
+        if numbers is not None and (
+            self.columns["time"].unit not in _NO_UNIT or _since_1970(numbers)
+        ):
             return numbers
         texts = [self.cell(row, "time") for row in rows]
         times = [seconds_of(text) if text else math.nan for text in texts]

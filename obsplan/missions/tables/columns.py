@@ -13,10 +13,9 @@ _SPEED = {"": 1.0, "m/s": 1.0, "mps": 1.0, "km/h": 1 / 3.6, "kmh": 1 / 3.6} | di
 )
 _TIME = dict.fromkeys(("", "s", "sec", "seconds", "utc", "iso", "iso8601"), 1.0)
 _TIME |= {"ms": 1e-3, "min": 60.0, "minutes": 60.0}
-_ANGLE = dict.fromkeys(
-    ("", "deg", "degree", "degrees", "°", "dd", "dms", "dm", "ddm", "wgs84", "wgs 84", "n", "e"),
-    1.0,
-)
+_ANGLE = dict.fromkeys(("", "deg", "degree", "degrees", "°", "decimal degrees", "dd"), 1.0)
+_ANGLE |= dict.fromkeys(("dms", "dm", "ddm", "wgs84", "wgs 84", "epsg:4326"), 1.0)
+_ANGLE |= dict.fromkeys(("n", "e", "°n", "°e", "degrees north", "degrees east"), 1.0)
 _MINUTES = dict.fromkeys(("min", "minutes", "'"), 1.0)
 _SECONDS = dict.fromkeys(("s", "sec", "seconds", '"'), 1.0)
 _TEXT = {"": 1.0}
@@ -36,7 +35,10 @@ _ROLES = {
     "hold": (("hold", "hold time", "wait", "dwell", "loiter time"), _TIME),
     "time": (("time", "datetime", "date time", "timestamp", "utc"), _TIME),
     "track": (
-        ("track", "line", "leg", "route", "vehicle", "auv", "track name", "line name"),
+        (
+            *("track", "line", "leg", "route", "vehicle", "auv"),
+            *("track name", "line name", "track id", "line id", "vehicle id"),
+        ),
         _TEXT,
     ),
     "name": (("name",), _TEXT),

@@ -63,6 +63,8 @@ def guess_columns(table: Rows, found: Findings) -> dict[str, Column]:
     texts = [i for i in range(width) if not any(map(is_number, columns[i]))]
     if len(texts) == 1:
         guessed["name"] = Column(texts[0], f"column {texts[0] + 1}")
+    for i in sorted(set(range(width)) - {column.index for column in guessed.values()}):
+        found.passed_over("column", "passed over", f"column {i + 1}")
     return guessed
 
 
