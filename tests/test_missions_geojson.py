@@ -212,26 +212,41 @@ def test_a_point_with_a_radius_is_a_circle(tmp_path):
     assert area.radius == 15
 
 
-def test_areas_of_a_file_are_all_its_polygons_circles_and_closed_lines_whatever_their_names(
-    tmp_path,
-):
+def test_areas_asked_for_as_keep_outs_are_all_that_the_file_does_not_call_a_geofence(tmp_path):
     features = (
         feature("Polygon", [SQUARE]),
-        feature("Point", [10.4, 63.44], radius_m=15),
+        feature("Point", [10.4, 63.44], radius_m=15, name="wreck"),
         feature("LineString", SQUARE, name="closed"),
-        line(),
         feature("Polygon", [SQUARE], name="fence"),
     )
-    areas, geographic = read_areas(write(tmp_path, "a.geojson", collection(*features)))
+    path = write(tmp_path, "a.geojson", collection(*features))
+    areas, geographic = read_areas(path, "keep-out")
     assert geographic
-    assert [area.radius for area in areas] == [None, None, 15, None]
-    for i in (0, 1, 3):
-        np.testing.assert_array_equal(areas[i].points, CORNERS)
+    assert [area.radius for area in areas] == [15, None]
+    np.testing.assert_array_equal(areas[1].points, CORNERS)
+    (fence,), _ = read_areas(path, "geofence")
+    np.testing.assert_array_equal(fence.points, CORNERS)
 
 
-def test_a_file_without_areas_is_refused_where_areas_are_asked_for(tmp_path):
-    with pytest.raises(ObsplanError, match="holds no polygon, no circle and no closed line: draw"):
-        read_areas(write(tmp_path, "a.geojson", line()))
+def test_areas_without_a_name_are_a_geofence_where_one_is_asked_for(tmp_path):
+    path = write(tmp_path, "a.geojson", collection(feature("Polygon", [SQUARE]), line()))
+    (fence,), _ = read_areas(path, "geofence")
+    np.testing.assert_array_equal(fence.points, CORNERS)
+
+
+@pytest.mark.parametrize("role", ["keep-out", "geofence"])
+def test_closed_lines_are_areas_in_a_file_that_has_no_other(tmp_path, role):
+    closed = feature("LineString", SQUARE, name="closed")
+    (area,), _ = read_areas(write(tmp_path, "a.geojson", collection(line(), closed)), role)
+    np.testing.assert_array_equal(area.points, CORNERS)
+
+
+@pytest.mark.parametrize(("role", "other"), [("keep-out", "fence"), ("geofence", "wreck")])
+def test_a_file_without_areas_is_refused_where_areas_are_asked_for(tmp_path, role, other):
+    features = (line(), feature("Polygon", [SQUARE], name=other))
+    path = write(tmp_path, "a.geojson", collection(*features))
+    with pytest.raises(ObsplanError, match=f"no circle and no closed line for a {role}: draw"):
+        read_areas(path, role)
 
 
 # --- what is refused, and what survives -------------------------------------------------------------

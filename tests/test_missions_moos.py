@@ -166,8 +166,11 @@ def test_op_regions_are_geofences_and_obstacles_keep_outs(tmp_path):
     assert mission.remarks == (
         '1 behaviour ("later (BHV_AvoidObstacleV24)") without points passed over',
     )
-    areas, geographic = read_areas(tmp_path / "a.bhv")
-    assert (len(areas), geographic) == (3, False)
+    assert not read_areas(tmp_path / "a.bhv", "keep-out")[1]
+    counts = {
+        role: len(read_areas(tmp_path / "a.bhv", role)[0]) for role in ("keep-out", "geofence")
+    }
+    assert counts == {"keep-out": 2, "geofence": 1}
 
 
 def test_what_is_not_followed_as_it_stands_is_said(tmp_path):

@@ -354,9 +354,9 @@ def test_one_round_geofence_of_a_file_stays_round(areas):
             {"geofences": (area((0, 0), radius=9.0), area((50, 0), radius=9.0))},
             "constraints.geofence: the 2 geofences, all of which hold, have no one area in common: draw one",
         ),
-        ("geofence", {"keep_outs": (area(*SQUARE),)}, "holds no area that can be a geofence"),
-        ("keep_out", {"geofences": (area(*SQUARE),)}, "holds no area that can be a keep-out"),
-        ("keep_out", {}, "holds no area that can be a keep-out: draw it as a polygon or a circle"),
+        ("geofence", {"keep_outs": (area(*SQUARE),)}, "no closed line for a geofence"),
+        ("keep_out", {"geofences": (area(*SQUARE),)}, "no closed line for a keep-out"),
+        ("keep_out", {}, "no circle and no closed line for a keep-out: draw the area as a polygon"),
         (
             "keep_out",
             {"keep_outs": (area(*SQUARE), area(*SQUARE[:2]))},

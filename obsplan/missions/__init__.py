@@ -3,6 +3,7 @@
 import difflib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -66,8 +67,11 @@ def read_mission(path: Path | str) -> Mission:
     return mission
 
 
-def read_areas(path: Path | str) -> tuple[list[Area], bool]:
-    """Read all polygons and circles of a mission file, whatever their names; a line that ends where it starts is a polygon.
+def read_areas(path: Path | str, role: Literal["keep-out", "geofence"]) -> tuple[list[Area], bool]:
+    """Read the areas of a mission file that are asked for as keep-outs, or as a geofence.
+
+    Keep-outs are all polygons and circles but those that the file calls a geofence; a geofence is what the file calls so, or else all
+    that it calls nothing. In a file without such areas the lines that end where they start are taken for polygons.
 
     Returns
     -------
@@ -76,18 +80,21 @@ def read_areas(path: Path | str) -> tuple[list[Area], bool]:
     Raises
     ------
     ObsplanError
-        As `read_mission`, but for no area instead of no line.
+        As `read_mission`, but for no such area instead of no line.
     """
     mission = _read(Path(path))
-    loops = [
-        Area(points=track.points[:-1])
-        for track in mission.tracks.values()
-        if len(track.points) > 3 and _is_closed(track, geographic=mission.geographic)
-    ]
-    areas = [*mission.keep_outs, *mission.geofences, *mission.areas, *loops]
+    keep_out = role == "keep-out"
+    named = mission.keep_outs if keep_out else mission.geofences
+    areas = [*named, *(mission.areas if keep_out or not named else ())]
+    if not areas:
+        areas = [
+            Area(points=track.points[:-1])
+            for track in mission.tracks.values()
+            if len(track.points) > 3 and _is_closed(track, geographic=mission.geographic)
+        ]
     if not areas:
         raise ObsplanError(
-            f"{path} holds no polygon, no circle and no closed line: draw the area as a polygon"
+            f"{path} holds no polygon, no circle and no closed line for a {role}: draw the area as a polygon"
         )
     return areas, mission.geographic
 

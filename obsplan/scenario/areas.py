@@ -7,9 +7,8 @@ from typing import Any, Literal
 import numpy as np
 
 from obsplan.constraints import Disc, Polygon
-from obsplan.missions import Area, read_mission
+from obsplan.missions import Area, read_areas
 from obsplan.scenario.places import LatLon, to_metres
-from obsplan.types import ObsplanError
 
 Shape = Disc | Polygon
 Role = Literal["keep-out", "geofence"]
@@ -47,7 +46,7 @@ def shapes_of(table: Any, role: Role, *, folder: Path, origin: LatLon) -> list[S
 
 
 def _read_shapes(path: Path, role: Role, origin: LatLon) -> list[Shape]:
-    areas, geographic = _read_areas(path, role)
+    areas, geographic = read_areas(path, role)
     shapes: list[Shape] = []
     for number, area in enumerate(areas, start=1):
         try:
@@ -56,17 +55,6 @@ def _read_shapes(path: Path, role: Role, origin: LatLon) -> list[Shape]:
         except ValueError as error:
             raise ValueError(f"{path.name}, area {number}: {error}") from None
     return shapes
-
-
-def _read_areas(path: Path, role: Role) -> tuple[Sequence[Area], bool]:
-    """Areas of a file that it does not call the opposite of the role, and whether they are in degrees."""
-    mission = read_mission(path)
-    areas = mission.keep_outs if role == "keep-out" else mission.geofences
-    if not areas:
-        raise ObsplanError(
-            f"{path} holds no area that can be a {role}: draw it as a polygon or a circle"
-        )
-    return areas, mission.geographic
 
 
 def common(fences: Sequence[Shape]) -> Shape:

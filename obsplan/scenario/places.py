@@ -83,18 +83,13 @@ def degrees_among(points: Float[np.ndarray, "n 2"], origin: LatLon) -> LatLon | 
     if away <= AMBIGUOUS or not len(points):
         return None
     unit = 1.0 if away >= FAR_FROM_ZERO else 0.01
-    if multiples_of(points, unit):
+    if np.allclose(points, unit * np.round(points / unit), rtol=0.0, atol=1e-9):
         return None
     for latlon in (points, points[:, ::-1]):
         if (np.abs(latlon - np.array(origin)) <= NEAR).all():
             lat, lon = latlon[0].tolist()
             return lat, lon
     return None
-
-
-def multiples_of(points: Float[np.ndarray, "n 2"], unit: float) -> bool:
-    """Whether all numbers are multiples of a unit."""
-    return np.allclose(points, unit * np.round(points / unit), rtol=0.0, atol=1e-9)
 
 
 class Place(Table):

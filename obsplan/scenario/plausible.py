@@ -6,7 +6,7 @@ from jaxtyping import Float
 from obsplan import geo
 from obsplan.missions import Mission, Track
 from obsplan.missions.mission import FARTHEST
-from obsplan.scenario.places import multiples_of
+from obsplan.missions.tables.guess import looks_like_degrees
 from obsplan.types import ObsplanError
 
 SMALLEST = 1.0  # [m]; of a survey, unless its vehicle is as small
@@ -43,19 +43,6 @@ def check_metres_are_metres(name: str, mission: Mission) -> None:
             f"{name} has all its {len(points)} points within {reach:.2g} m of ({x}, {y}), "
             "which look like degrees in columns of metres: head the columns lat and lon"
         )
-
-
-def looks_like_degrees(points: Float[np.ndarray, "n 2"]) -> bool:
-    """Whether local points are too close together, too far from zero and too fine for metres, and would be on Earth as degrees."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    span = float((high - low).max())
-    away = float(np.maximum(low, -high).max())
-    if away <= 10 * span:
-        return False
-    reach = np.abs(points).max(axis=0)
-    on_earth = (reach <= [90.0, 180.0]).all() or (reach <= [180.0, 90.0]).all()
-    finest = 1.0 if span < SMALLEST else 1e-3  # [m] that a test tank's numbers are multiples of
-    return bool(on_earth) and not multiples_of(points, finest)
 
 
 def check_extent(name: str, mission: Mission) -> None:

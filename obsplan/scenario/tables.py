@@ -19,7 +19,7 @@ PLACES: dict[str, Any] = {
     "center": Point,
 }  # fields of surveys and planners that hold places
 
-MISSION_FILE = f"a mission file ({', '.join(READERS)}), relative to the scenario file"
+MISSION_FILE = f"mission file ({', '.join(READERS)}), relative to the scenario file"
 
 
 def table_of(
@@ -168,7 +168,9 @@ class AreaTable(Place):
     points: Corners | None = Field(
         default=None, description="corners of a polygon, each [east, north] [m]"
     )
-    file: str | None = Field(default=None, description=f"{MISSION_FILE}: the areas in it")
+    file: str | None = Field(
+        default=None, description=f"{MISSION_FILE}: the polygons, circles or closed lines in it"
+    )
 
     @model_validator(mode="after")
     def _one_of_them(self) -> "AreaTable":

@@ -18,13 +18,14 @@ _ADD = 'add a heading, such as "lat,lon" or "x,y"'
 
 
 def looks_like_degrees(points: Float[np.ndarray, "n 2"]) -> bool:
-    """Whether points fit on Earth as degrees, and make no sense as metres: of no width, or small and far off."""
+    """Whether points fit on Earth as degrees, and make no sense as metres: of no width, or far off and small or finer than 1 mm."""
     sizes = np.abs(points).max(axis=0)
     if sizes.min() > 90 or sizes.max() > 360:
         return False
     width = np.ptp(points, axis=0).max()
     far_off = sizes.max() > _OFFSET * width
-    return bool(0 < width < _SMALLEST or (0 < width < _SMALL and far_off))
+    fine = not np.allclose(points, points.round(3), rtol=0.0, atol=1e-9)
+    return bool(0 < width < _SMALLEST or (width > 0 and far_off and (width < _SMALL or fine)))
 
 
 def guess_columns(table: Rows, found: Findings) -> dict[str, Column]:
