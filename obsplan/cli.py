@@ -50,8 +50,10 @@ def run(
 ) -> None:
     """Simulate a survey: plan the aid vehicle's path, estimate, report, write files a vehicle can load."""
     from obsplan.report import (
+        export_sentences,
         free_folder,
         limit_notes,
+        make_export,
         planner_notes,
         run_table,
         verdicts,
@@ -64,13 +66,16 @@ def run(
     folder = free_folder(out, loaded.table.name)
     with progress_bar(f"{loaded.table.name}, {loaded.table.planner.kind}") as advance:
         flown = simulate(loaded, seed=seed, progress=advance)
-    write_run(flown, folder)
+    with progress_bar(f"{loaded.table.name}, path as loaded") as advance:
+        export = make_export(flown, progress=advance)
+    write_run(flown, folder, export)
     show(run_table(flown))
-    for sentence in (*verdicts(flown), *limit_notes(flown), *planner_notes(flown)):
+    notes = (*verdicts(flown), *limit_notes(flown), *planner_notes(flown))
+    for sentence in (*notes, *export_sentences(export)):
         say(sentence)
-    say(
-        f"Written to {folder}{'' if folder.is_absolute() else '/'}: map.png, errors.png, path.waypoints, path.geojson, tracks.csv and more."
-    )
+    paths = [f"path.{name}" for name in dict.fromkeys(loaded.table.export.formats)]
+    files = ["map.png", "errors.png", *paths, "tracks.csv and more"]
+    say(f"Written to {folder}{'' if folder.is_absolute() else '/'}: {', '.join(files)}.")
 
 
 @app.command()
