@@ -1,140 +1,28 @@
-"""Claims about uploading a waypoint file, over MAVLink, to a vehicle that stores so many items and no more.
-
-The vehicle is pymavlink's protocol on one end of a loopback socket, the ground station the same on
-the other, as https://mavlink.io/en/services/mission.html has it. Every wait ends.
-"""
-
-import socket
-import threading
+"""Claims about uploading a waypoint file, item by item, to a vehicle that stores so many and no more."""
 
 import numpy as np
 import pytest
+from mavlink_vehicle import ACCEPTED, NO_SPACE, assert_stored_as_in, figures, upload
 from missions import POINTS, degrees, full_mission
-from pymavlink.dialects.v20 import common
-from pymavlink.mavwp import MAVWPLoader
 
 from obsplan.missions import Track, write_waypoints
 from obsplan.missions.export import simplify
 from obsplan.missions.flown_path import Room
 
-WAIT = 5.0  # [s] for any one message
-MOST_MESSAGES = 2000
-VEHICLE, STATION = 1, 255
-
-
-class Link:
-    """One end of a MAVLink connection over UDP on this machine."""
-
-    def __init__(self, system):
-        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.bind(("127.0.0.1", 0))
-        self.socket.settimeout(WAIT)
-        self.mav = common.MAVLink(None, srcSystem=system, srcComponent=1)
-        self.peer = None
-
-    def send(self, message):
-        self.socket.sendto(message.pack(self.mav), self.peer)
-
-    def receive(self):
-        """The next message; TimeoutError if none comes."""
-        data, _ = self.socket.recvfrom(1024)
-        (message,) = self.mav.parse_buffer(data)
-        return message
-
-
-class Vehicle(threading.Thread):
-    """Asks for one item after the other and keeps them, or says that it has no room."""
-
-    def __init__(self, link, room):
-        super().__init__(daemon=True)
-        self.link, self.room, self.stored, self.fault = link, room, [], None
-
-    def run(self):
-        try:
-            count = self.link.receive()
-            assert count.get_type() == "MISSION_COUNT"
-            if count.count > self.room:
-                self._acknowledge(common.MAV_MISSION_NO_SPACE)
-                return
-            for seq in range(min(count.count, MOST_MESSAGES)):
-                self.link.send(common.MAVLink_mission_request_int_message(STATION, 1, seq))
-                item = self.link.receive()
-                assert (item.get_type(), item.seq) == ("MISSION_ITEM_INT", seq)
-                self.stored.append(item)
-            self._acknowledge(common.MAV_MISSION_ACCEPTED)
-        except Exception as error:
-            self.fault = error
-
-    def _acknowledge(self, result):
-        self.link.send(common.MAVLink_mission_ack_message(STATION, 1, result))
-
-
-def upload(path, room):
-    """What the vehicle answers in the end, and what it has stored."""
-    loader = MAVWPLoader()
-    items = [loader.wp(i) for i in range(loader.load(str(path)))]
-    station, boat = Link(STATION), Link(VEHICLE)
-    station.peer, boat.peer = boat.socket.getsockname(), station.socket.getsockname()
-    vehicle = Vehicle(boat, room)
-    vehicle.start()
-    try:
-        station.send(common.MAVLink_mission_count_message(VEHICLE, 1, len(items)))
-        for _ in range(MOST_MESSAGES):
-            message = station.receive()
-            if message.get_type() == "MISSION_ACK":
-                return message.type, vehicle.stored, items
-            station.send(as_int(items[message.seq]))
-        pytest.fail("the upload does not end")
-    finally:
-        vehicle.join(WAIT)
-        for link in (station, boat):
-            link.socket.close()
-        assert vehicle.fault is None
-
-
-def as_int(item):
-    """An item as the protocol sends it: degrees times 1e7."""
-    return common.MAVLink_mission_item_int_message(
-        VEHICLE,
-        1,
-        item.seq,
-        item.frame,
-        item.command,
-        item.current,
-        item.autocontinue,
-        item.param1,
-        item.param2,
-        item.param3,
-        item.param4,
-        round(item.x * 1e7),
-        round(item.y * 1e7),
-        item.z,
-    )
-
-
-def figures(items):
-    """All that an item says, but its place."""
-    names = ("seq", "frame", "command", "current", "autocontinue")
-    params = ("param1", "param2", "param3", "param4")
-    return np.array([[getattr(item, name) for name in (*names, *params)] for item in items])
-
 
 def test_a_vehicle_stores_the_file_item_by_item(tmp_path):
     write_waypoints(tmp_path / "a.waypoints", full_mission())
     answer, stored, sent = upload(tmp_path / "a.waypoints", room=500)
-    assert answer == common.MAV_MISSION_ACCEPTED
+    assert answer == ACCEPTED
     assert len(stored) == len(sent) == 8
     np.testing.assert_allclose(figures(stored), figures(sent), rtol=1e-6)  # floats of four bytes
-    lines = (tmp_path / "a.waypoints").read_text().splitlines()[1:]
-    places = np.array([[float(cell) for cell in line.split("\t")[8:10]] for line in lines])
-    got = np.array([(item.x * 1e-7, item.y * 1e-7) for item in stored])
-    np.testing.assert_allclose(got, places, rtol=0, atol=1e-7)
+    assert_stored_as_in(tmp_path / "a.waypoints", stored)
 
 
 def test_a_vehicle_without_room_refuses_and_stores_nothing(tmp_path):
     write_waypoints(tmp_path / "a.waypoints", full_mission())
     answer, stored, _ = upload(tmp_path / "a.waypoints", room=7)
-    assert answer == common.MAV_MISSION_NO_SPACE
+    assert answer == NO_SPACE
     assert stored == []
 
 
@@ -149,9 +37,7 @@ def test_what_is_simplified_to_a_vehicles_room_fits_it(tmp_path, room):
     )
     write_waypoints(tmp_path / "a.waypoints", full_mission(tracks={"cna": geographic}))
     answer, stored, _ = upload(tmp_path / "a.waypoints", room=room)
-    assert answer == common.MAV_MISSION_ACCEPTED
+    assert answer == ACCEPTED
     assert len(stored) == mission.items <= room
-    assert (
-        upload(tmp_path / "a.waypoints", room=mission.items - 1)[0] == common.MAV_MISSION_NO_SPACE
-    )
+    assert upload(tmp_path / "a.waypoints", room=mission.items - 1)[0] == NO_SPACE
     assert len(POINTS) < mission.items

@@ -9,10 +9,12 @@ import pymap3d
 import pyogrio.raw
 import pytest
 import shapely
+from mavlink_vehicle import ACCEPTED, assert_stored_as_in, upload
 from missions import moos_behaviours, moos_points
 from pymavlink.mavwp import MAVWPLoader
 
 from obsplan.campaign import plan_cells
+from obsplan.missions import write_waypoints
 from obsplan.missions.export import simplify
 from obsplan.missions.flown_path import Room
 from obsplan.report import export_sentences, make_export, write_run
@@ -352,9 +354,14 @@ def test_a_vehicle_that_stays_put_is_exported():
 
 
 @pytest.mark.slow
-def test_harbor_surveys_mission_fits_and_costs_nothing():
+def test_harbor_surveys_mission_fits_is_stored_and_costs_nothing(tmp_path):
     run = simulate("harbor-survey")
     export = make_export(run)
+    write_waypoints(tmp_path / "path.waypoints", export.mission)
+    answer, stored, _ = upload(tmp_path / "path.waypoints", room=500)
+    assert answer == ACCEPTED
+    assert len(stored) == export.simplified.items
+    assert_stored_as_in(tmp_path / "path.waypoints", stored)
     told = export.summary()
     assert told["items"] <= 500
     assert told["least_leg_m"] >= 2.0
