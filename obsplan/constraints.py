@@ -49,6 +49,17 @@ class Disc:
         )
         return Polygon(points=tuple((x, y) for x, y in corners.tolist()))
 
+    def misses(self, legs: Float[np.ndarray, "n 2 2"]) -> Bool[np.ndarray, " n"]:
+        """Whether straight legs, from their first to their second place, stay outside."""
+        import shapely
+
+        centre = shapely.Point(self.x, self.y)
+        return shapely.distance(centre, shapely.linestrings(legs)) >= self.radius
+
+    def holds(self, legs: Float[np.ndarray, "n 2 2"]) -> Bool[np.ndarray, " n"]:
+        """Whether straight legs stay inside."""
+        return (self.signed_distance(legs) <= 0).all(axis=-1)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Polygon:
@@ -90,6 +101,18 @@ class Polygon:
         return np.where(
             shapely.contains_xy(self._shape, positions[..., 0], positions[..., 1]), -edge, edge
         )
+
+    def misses(self, legs: Float[np.ndarray, "n 2 2"]) -> Bool[np.ndarray, " n"]:
+        """Whether straight legs, from their first to their second place, stay outside."""
+        import shapely
+
+        return ~shapely.intersects(self._shape, shapely.linestrings(legs))
+
+    def holds(self, legs: Float[np.ndarray, "n 2 2"]) -> Bool[np.ndarray, " n"]:
+        """Whether straight legs stay inside."""
+        import shapely
+
+        return shapely.covers(self._shape, shapely.linestrings(legs))
 
 
 ROUNDING = 1e-3  # [m]: a limit overstepped by less is kept
@@ -200,6 +223,15 @@ class Constraints:
                 )
                 told.append(greatest)
         return tuple(told)
+
+    def keeps_legs(self, legs: Float[np.ndarray, "n 2 2"]) -> Bool[np.ndarray, " n"]:
+        """Whether straight legs, from their first to their second place, keep out and within the geofence."""
+        kept = (
+            np.ones(len(legs), dtype=bool) if self.geofence is None else self.geofence.holds(legs)
+        )
+        for area in self.keep_out:
+            kept &= area.misses(legs)
+        return kept
 
     def separation_violation(
         self,

@@ -25,8 +25,7 @@ LAT, LON = 47.629, -122.337  # of harbor-survey's origin
 FILES = [
     "errors.png",
     "map.png",
-    "path.geojson",
-    "path.waypoints",
+    *(f"path.{name}" for name in ("bhv", "csv", "geojson", "gpx", "kml", "plan", "waypoints")),
     "scenario.toml",
     "summary.json",
     "timing.json",
@@ -170,12 +169,16 @@ def test_no_number_is_minus_zero_or_nan():
 
 
 def test_gdal_reads_the_tracks_back(folder, table):
-    _, _, geometry, (names,) = pyogrio.raw.read(folder / "path.geojson")
+    _, _, geometry, (names, times) = pyogrio.raw.read(
+        folder / "path.geojson", columns=["name", "time_s"]
+    )
     assert list(names) == ["cna", "alpha-truth", "alpha-estimate", "bravo-truth", "bravo-estimate"]
     lines = {
         name: enu(shapely.get_coordinates(shapely.from_wkb(shape))[:, ::-1])
         for name, shape in zip(names, geometry, strict=True)
     }
+    for time in times:
+        np.testing.assert_allclose(time, table["alpha"]["time_s"])
     expected = {
         "cna": ("alpha", "cna"),
         "alpha-truth": ("alpha", "auv"),
@@ -191,7 +194,7 @@ def test_gdal_reads_the_tracks_back(folder, table):
 
 def test_a_vehicle_that_never_moves_is_a_point(tmp_path):
     write_run(simulate("fixed-auv", planner="stationary"), tmp_path / "out")
-    _, _, geometry, (names,) = pyogrio.raw.read(tmp_path / "out" / "path.geojson")
+    _, _, geometry, (names,) = pyogrio.raw.read(tmp_path / "out" / "path.geojson", columns=["name"])
     kinds = dict(zip(names, (shapely.from_wkb(shape).geom_type for shape in geometry), strict=True))
     assert kinds == {"cna": "Point", "alpha-truth": "Point", "alpha-estimate": "LineString"}
 
@@ -199,11 +202,12 @@ def test_a_vehicle_that_never_moves_is_a_point(tmp_path):
 def test_pymavlink_reads_the_aid_path_back(folder, table):
     loader = MAVWPLoader()
     loader.load(str(folder / "path.waypoints"))
-    waypoints = enu(np.array([(w.x, w.y) for w in loader.wpoints]))
+    placed = [w for w in loader.wpoints if w.command in (16, 17)]
+    waypoints = enu(np.array([(w.x, w.y) for w in placed]))
     flown = np.stack([table["alpha"]["cna_x_m"], table["alpha"]["cna_y_m"]], axis=-1)
     assert np.hypot(*(waypoints[0] - flown[0])) < 0.1  # home
     route = shapely.LineString(waypoints[1:])
-    assert shapely.distance(shapely.points(flown), route).max() < 0.1
+    assert shapely.distance(shapely.points(flown), route).max() < 0.5
     assert shapely.distance(shapely.points(waypoints), shapely.LineString(flown)).max() < 0.1
 
 
@@ -212,6 +216,7 @@ def test_summary_is_strict_json_with_the_figures_of_merit_of_each_and_all(run, f
         (folder / "summary.json").read_text(),
         parse_constant=lambda name: pytest.fail(f"{name} is not JSON"),
     )
+    assert summary.pop("export")["items"] > 2  # claimed in test_run_export.py
     assert summary == run.summary()
     assert set(summary["auv"]) == {"alpha", "bravo"}
     assert summary["all"]["rms_error_m"] == pytest.approx(np.sqrt(np.mean(run.error**2)))

@@ -15,6 +15,7 @@ NOT_TO_VARY = {
     "description": "it changes nothing",
     "planner": "give --planners, or vary planner.gamma and its like",
     "auv": "vary auv.0.speed and its like",
+    "export": "it changes nothing that a campaign measures",
 }
 GREATEST_SEED = 2**63 - 1  # that the store's integers hold
 
@@ -98,9 +99,11 @@ def values_of(text: str) -> list[str]:
         raise ObsplanError(
             f'--vary "{text}" lacks a key or a value; write table.key=a,b,c, for example cna.speed=1.0,1.5,2.0'
         )
-    if key.strip() in NOT_TO_VARY:
+    name = key.strip()
+    fixed = "export" if name.startswith("export.") else name
+    if fixed in NOT_TO_VARY:
         raise ObsplanError(
-            f'--vary "{text}": {key.strip()} is not a setting to vary; {NOT_TO_VARY[key.strip()]}'
+            f'--vary "{text}": {name} is not a setting to vary; {NOT_TO_VARY[fixed]}'
         )
     return [f"{key.strip()}={piece.strip()}" for piece in pieces]
 
@@ -154,7 +157,7 @@ def content_of(scenario: Scenario) -> str:
     data = {
         key: value
         for key, value in scenario.resolved().items()
-        if key not in ("description", "seed")
+        if key not in ("description", "export", "seed")
     }
     return json.dumps(data, sort_keys=True, separators=(",", ":"))
 

@@ -23,8 +23,10 @@ def run(
 ) -> None:
     """Simulate a survey: plan the aid vehicle's path, estimate, report, write files a vehicle can load."""
     from obsplan.report import (
+        export_sentences,
         free_folder,
         limit_notes,
+        make_export,
         planner_notes,
         run_table,
         verdicts,
@@ -39,11 +41,15 @@ def run(
     free_folder(out, name)  # a folder that cannot be made is refused before anything is flown
     with progress(f"{name}, {loaded.table.planner.kind}") as advance:
         flown = simulate(loaded, seed=seed, progress=advance)
-    folder = write_free(out, name, lambda folder: write_run(flown, folder))
+    with progress(f"{name}, path as loaded") as advance:
+        export = make_export(flown, progress=advance)
+    folder = write_free(out, name, lambda folder: write_run(flown, folder, export))
     show(run_table(flown))
-    for sentence in (*verdicts(flown), *limit_notes(flown), *planner_notes(flown)):
+    notes = (*verdicts(flown), *limit_notes(flown), *planner_notes(flown))
+    for sentence in (*notes, *export_sentences(export)):
         say(sentence)
-    say_written(folder, "map.png, errors.png, path.waypoints, path.geojson, tracks.csv and more")
+    paths = [f"path.{suffix}" for suffix in dict.fromkeys(loaded.table.export.formats)]
+    say_written(folder, ", ".join(["map.png", "errors.png", *paths, "tracks.csv and more"]))
 
 
 def compare(

@@ -8,15 +8,23 @@ from typing import Literal
 import numpy as np
 
 from obsplan import geo
-from obsplan.missions.geojson import read_geojson, write_geojson
+from obsplan.missions.geojson import read_geojson
 from obsplan.missions.gpx import read_gpx
 from obsplan.missions.kml import read_kml, read_kmz
-from obsplan.missions.mission import REPEATED, Area, Mission, Track, to_local
+from obsplan.missions.mission import REPEATED, Area, Mission, Track, to_geographic, to_local
 from obsplan.missions.moos import read_moos
 from obsplan.missions.plan import read_plan
 from obsplan.missions.table import read_csv
-from obsplan.missions.waypoints import write_waypoints
 from obsplan.missions.wpl import read_wpl
+from obsplan.missions.writers import (
+    write_csv,
+    write_geojson,
+    write_gpx,
+    write_kml,
+    write_moos,
+    write_plan,
+    write_waypoints,
+)
 from obsplan.types import ObsplanError
 
 READERS: dict[str, Callable[[Path | str], Mission]] = {
@@ -33,9 +41,14 @@ READERS: dict[str, Callable[[Path | str], Mission]] = {
     ".txt": read_wpl,
     ".waypoints": read_wpl,
 }
-WRITERS: dict[str, Callable[[Path | str, Mission], object]] = {
-    ".geojson": write_geojson,
+WRITERS: dict[str, Callable[..., None]] = {  # of a path and a mission; options by name
     ".waypoints": write_waypoints,
+    ".plan": write_plan,
+    ".gpx": write_gpx,
+    ".kml": write_kml,
+    ".geojson": write_geojson,
+    ".csv": write_csv,
+    ".bhv": write_moos,
 }
 
 __all__ = [
@@ -46,8 +59,14 @@ __all__ = [
     "Track",
     "read_areas",
     "read_mission",
+    "to_geographic",
     "to_local",
+    "write_csv",
     "write_geojson",
+    "write_gpx",
+    "write_kml",
+    "write_moos",
+    "write_plan",
     "write_waypoints",
 ]
 

@@ -1,6 +1,5 @@
 """GeoJSON (RFC 7946): every line is a track, and every polygon that is named so a limit."""
 
-import json
 import math
 import re
 import reprlib
@@ -10,13 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from obsplan.files import write_atomically
 from obsplan.missions.findings import Findings, Outline, Vertex, check_count, join_at_180, ring_area
 from obsplan.missions.mission import Area, Mission, check_latlon, check_number
 from obsplan.missions.source import read_json
 from obsplan.types import ObsplanError
 
-_DECIMALS = 9  # of a degree: 0.1 mm
 _ORDER = "GeoJSON has [longitude, latitude]"
 _GEOMETRIES = (
     "GeometryCollection",
@@ -222,40 +219,3 @@ def _numbers(given: Any, count: int) -> list[float] | None:
     if len(numbers) != count or not fits:
         return None
     return [float(number) if number < math.inf else math.nan for number in numbers]
-
-
-def write_geojson(path: Path | str, mission: Mission) -> None:
-    """Write geographic tracks as a FeatureCollection of LineStrings (a Point where a track has one vertex), named by `name`.
-
-    Raises
-    ------
-    ObsplanError
-        The file cannot be written.
-    ValueError
-        Local tracks: a GeoJSON file has degrees.
-    """
-    if not mission.geographic:
-        raise ValueError(
-            "GeoJSON has latitudes and longitudes, got local tracks: convert them about the origin first"
-        )
-    features = [
-        {
-            "type": "Feature",
-            "properties": {"name": name},
-            "geometry": _geometry(track.points[:, ::-1].round(_DECIMALS).tolist()),
-        }
-        for name, track in mission.tracks.items()
-    ]
-    write_atomically(
-        path,
-        json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False) + "\n",
-    )
-
-
-def _geometry(lonlat: list[list[float]]) -> dict[str, Any]:
-    """Geometry of one track."""
-    return (
-        {"type": "Point", "coordinates": lonlat[0]}
-        if len(lonlat) == 1
-        else {"type": "LineString", "coordinates": lonlat}
-    )

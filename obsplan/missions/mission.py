@@ -3,7 +3,7 @@
 import math
 import re
 import reprlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -95,16 +95,31 @@ def to_local(mission: Mission, origin: Point | None = None) -> Mission:
     for area in (*mission.keep_outs, *mission.geofences):
         _check_near("a limit", area.points, origin, default)
 
-    def local(part: Any) -> Any:
-        return replace(part, points=geo.to_local(part.points, origin))
+    return _mapped(mission, lambda points: geo.to_local(points, origin), geographic=False)
+
+
+def to_geographic(mission: Mission, origin: Point) -> Mission:
+    """Turn east and north [m] about an origin [degrees] into latitude and longitude; what has them stays as it is."""
+    if mission.geographic:
+        return mission
+    return _mapped(mission, lambda points: geo.to_geographic(points, origin), geographic=True)
+
+
+def _mapped(
+    mission: Mission, change: Callable[[np.ndarray], np.ndarray], *, geographic: bool
+) -> Mission:
+    """The same tracks and limits in other coordinates."""
+
+    def changed(part: Any) -> Any:
+        return replace(part, points=change(part.points))
 
     return replace(
         mission,
-        tracks={name: local(track) for name, track in mission.tracks.items()},
-        keep_outs=tuple(local(area) for area in mission.keep_outs),
-        geofences=tuple(local(area) for area in mission.geofences),
+        tracks={name: changed(track) for name, track in mission.tracks.items()},
+        keep_outs=tuple(changed(area) for area in mission.keep_outs),
+        geofences=tuple(changed(area) for area in mission.geofences),
         areas=(),
-        geographic=False,
+        geographic=geographic,
         home=None,
     )
 

@@ -22,8 +22,9 @@ class Planner(Protocol):
 
     It may also have ``initial_pose(pose) -> Pose``, where it wants to start; ``for_mission(seed) -> Planner``, where it draws numbers;
     ``prepare(pose, progress)``, to plan from the start before the mission begins, calling ``progress(done, in all)``;
-    ``condition_label``, what its condition numbers are of; ``constraints``, the limits it keeps within by itself; and
-    ``expression``, see `expression_of`.
+    ``condition_label``, what its condition numbers are of; ``constraints``, the limits it keeps within by itself;
+    ``expression``, see `expression_of`; and ``commands``, where it has fixed the turn rate [rad/s] and the speed [m/s] of
+    every time step beforehand: these are flown as they are, whatever limits there are, and ``plan`` is not called.
     """
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:

@@ -17,12 +17,13 @@ import tomlkit
 import tomlkit.items
 from jaxtyping import Float
 
-from obsplan import geo
 from obsplan.files import write_atomically
-from obsplan.missions import Mission, Track, write_geojson, write_waypoints
+from obsplan.missions.writers.table import inert
 from obsplan.planners import name_of
 from obsplan.recording import write_netcdf
 from obsplan.report.comparison import Rows, compare_figure
+from obsplan.report.export import Export, make_export
+from obsplan.report.path_files import write_paths
 from obsplan.run import Run
 from obsplan.types import ObsplanError
 
@@ -92,11 +93,16 @@ class FolderExistsError(ObsplanError):
     """A folder of that name exists."""
 
 
-def write_run(run: Run, folder: Path | str) -> None:
+def write_run(run: Run, folder: Path | str, export: Export | None = None) -> None:
     """Write a run's scenario, recording, tracks, paths for vehicles, figures and figures of merit into a new folder.
 
     The files are made in a hidden folder beside it, which gets its name when they are complete; whatever happens before, nothing is left
     behind. The same run gives the same bytes in every file but ``timing.json``.
+
+    Parameters
+    ----------
+    export
+        The mission made of the run, if it has been made already (`make_export`).
 
     Raises
     ------
@@ -107,19 +113,16 @@ def write_run(run: Run, folder: Path | str) -> None:
     from obsplan.report.map import map_figure
     from obsplan.report.style import png
 
-    tracks = {name: Track(points=points) for name, points in geographic_tracks(run).items()}
+    export = export or make_export(run)
+    summary = run.summary() | {"export": export.summary()}
     with new_folder(Path(folder)) as made:
         write_atomically(made / "scenario.toml", scenario_toml(run))
         write_netcdf(run, made / "tracks.nc")
         write_atomically(made / "tracks.csv", tracks_csv(run))
-        write_geojson(made / "path.geojson", Mission(tracks=tracks, geographic=True))
-        write_waypoints(
-            made / "path.waypoints",
-            Mission(tracks={"cna": tracks["cna"]}, geographic=True),
-        )
+        write_paths(run, export, made)
         write_atomically(made / "map.png", png(partial(map_figure, run), trim=True))
         write_atomically(made / "errors.png", png(partial(errors_figure, run)))
-        write_atomically(made / "summary.json", as_json(run.summary()))
+        write_atomically(made / "summary.json", as_json(summary))
         write_atomically(made / "timing.json", as_json(timing(run)))
 
 
@@ -246,7 +249,9 @@ def tracks_csv(run: Run) -> str:
             run.error[i],
             ranges(run)[i],
         )
-        per_auv.append([*columns, [name] * run.time.size, *(rounded(figure) for figure in figures)])
+        per_auv.append(
+            [*columns, [inert(name)] * run.time.size, *(rounded(figure) for figure in figures)]
+        )
     rows = (
         row
         for at_once in zip(*(zip(*auv, strict=True) for auv in per_auv), strict=True)
@@ -277,24 +282,6 @@ def table_csv(rows: Any) -> str:
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(rows)
     return text.getvalue()
-
-
-def geographic_tracks(run: Run) -> dict[str, Float[np.ndarray, "_ 2"]]:
-    """Latitude and longitude of the aid vehicle's path ("cna") and of each AUV's track ("NAME-truth", "NAME-estimate").
-
-    A vehicle that never moves has one point; an estimate that is no number has none.
-    """
-    tracks = {"cna": run.cna[:, :2]}
-    for i, name in enumerate(run.names):
-        tracks |= {f"{name}-truth": run.truth[i, :, :2], f"{name}-estimate": run.mean[i, :, :2]}
-    origin = run.scenario.table.origin
-    known = {name: xy[np.isfinite(xy).all(axis=1)] for name, xy in tracks.items()}
-    return {
-        name: geo.to_geographic(
-            xy[: None if np.ptp(xy, axis=0).any() else 1], (origin.lat, origin.lon)
-        )
-        for name, xy in known.items()
-    }
 
 
 def timing(run: Run) -> dict[str, float | None]:

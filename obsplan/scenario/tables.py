@@ -8,6 +8,7 @@ from pydantic import Discriminator, Field, Tag, create_model, model_validator
 from obsplan.missions import READERS
 from obsplan.planners import PLANNERS, planner_class
 from obsplan.scenario.base import NonNegative, Positive, Table
+from obsplan.scenario.export import ExportTable
 from obsplan.scenario.places import Corners, Degrees, Place, Point
 from obsplan.surveys import SURVEYS
 
@@ -264,6 +265,7 @@ class ScenarioTable(Table):
     planner: Planner = Field(
         default=PLANNER_TABLES["default"](), description="who steers the aid vehicle"
     )
+    export: ExportTable = ExportTable()
 
     @model_validator(mode="before")
     @classmethod

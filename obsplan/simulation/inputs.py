@@ -35,6 +35,7 @@ def mission_inputs(scenario: Scenario, start: Pose, seed: int) -> tuple[Carry, I
     inputs = Inputs(
         time=scenario.time[:-1, None, None],
         decide=(index % scenario.decide_every == 0)[:, None, None],
+        given=np.zeros((steps, 1, 2)),
         ping=((index + 1) % scenario.ping_every == 0)[:, None, None],
         survey=survey[:-1],
         steer=survey[1:, :, 2:],

@@ -25,7 +25,6 @@ from obsplan.vehicles import Unicycle
 
 ROUNDING = 1e-9  # relative, by which a turn may exceed the limit
 CHUNK = 256  # steps between two looks at the clock and the keyboard
-COMMAND = Carry._fields.index("command")
 
 Progress = Callable[[int, int], None]
 
@@ -108,7 +107,10 @@ class ClosedLoop:
         carry = Carry(*(np.concatenate([a[None], np.empty((steps, *a.shape))]) for a in first))
         log = Log(*(np.empty((steps, *shape_of(name, auvs))) for name in Log._fields))
         decisions: list[float] = []
-        if folded(self.scenario, self.planner) is not None:
+        commands = getattr(self.planner, "commands", None)
+        if commands is not None:
+            inputs.given[:, 0] = commands
+        if commands is not None or folded(self.scenario, self.planner) is not None:
             self._fold(carry, inputs, log, progress)
         else:
             planner = self.planner
@@ -143,7 +145,8 @@ class ClosedLoop:
         """Advance step by step, calling the planner between them; returns the time each decision took [s]."""
         steps, seconds = len(inputs.time), []
         for k in range(steps):
-            decision, now = None, [a[k] for a in (*carry, *inputs)]
+            decision = None
+            inputs.given[k] = carry.command[k]  # held until the next decision
             if inputs.decide[k]:
                 began = perf_counter()
                 decision = self._decision(
@@ -153,8 +156,8 @@ class ClosedLoop:
                     float(inputs.time[k].item()),
                 )
                 seconds.append(perf_counter() - began)
-                now[COMMAND] = np.array([[decision.turn_rate, decision.speed]], dtype=float)
-            evaluate(self.step, now, results_of(carry, log, k, 1))
+                inputs.given[k, 0] = decision.turn_rate, decision.speed
+            evaluate(self.step, [a[k] for a in (*carry, *inputs)], results_of(carry, log, k, 1))
             if decision is not None:
                 log.score[k], log.status[k] = decision.score, decision.status
                 log.condition[k, :, 0] = decision.condition if decision.condition.size else np.nan

@@ -35,6 +35,7 @@ class Inputs(NamedTuple):
 
     time: Any  # 1, at the step's beginning [s]
     decide: Any  # 1, whether a decision is due
+    given: Any  # 2: turn rate, speed, of a planner that is no expression
     ping: Any  # 1, whether ranges are measured at the step's end
     survey: Any  # N x M, the reference at the step's beginning
     steer: Any  # 2 x M, heading and speed of the reference at the step's end
@@ -55,6 +56,7 @@ class Log(NamedTuple):
 ROWS = {
     "cna": 3,
     "command": 2,
+    "given": 2,
     "covariance": HALF,
     "reported_covariance": HALF,
     "truth": N,
@@ -67,6 +69,7 @@ OF_ALL = (
     "command",
     "time",
     "decide",
+    "given",
     "ping",
     "score",
     "status",
@@ -108,10 +111,10 @@ class StepBuilder:
         return ca.Function("step", [*carry, *inputs], outputs, *names)
 
     def _decide(self, carry: Carry, inputs: Inputs) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-        """Command, score, condition numbers and status; a planner that is no expression has put its command into the carry."""
+        """Command, score, condition numbers and status; the command of a planner that is no expression is given."""
         expression = folded(self.scenario, self.planner)
         if expression is None:
-            return carry.command, ca.SX.nan(1), ca.SX.nan(1, carry.truth.shape[1]), ca.SX.nan(1)
+            return inputs.given, ca.SX.nan(1), ca.SX.nan(1, carry.truth.shape[1]), ca.SX.nan(1)
         known = {"survey": inputs.survey, "truth": carry.truth}.get(
             self.scenario.table.planner.knowledge, carry.reported
         )

@@ -1,0 +1,159 @@
+"""The simplest path that an autopilot takes: fewest waypoints on the path flown, near it in place and in time."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Integer
+
+from obsplan.constraints import UNLIMITED, Constraints
+from obsplan.missions.flown_path import FlownPath, Room
+from obsplan.missions.mission import Track
+from obsplan.missions.writers.items import End, count_items
+
+DOUBLINGS, HALVINGS = 40, 4  # of the tolerances, until the items fit; then to 5 % of the least
+LONGEST_HOLD = 32767  # [s], in the sixteen bits of ArduPilot's store
+DECIMALS = range(2, 8)  # of a speed [m/s]: as few as keep the time
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Simplified:
+    """A path for an autopilot, and how far it is from the one it was made of."""
+
+    track: Track  # places, speeds, holds, and when the plan has the vehicle there
+    items: int  # of the mission, as the vehicle's store counts
+    deviation: float  # greatest distance between the two [m]
+    timing: float  # greatest time that a vehicle at these speeds is ahead or behind [s]
+
+    def fits(self, room: Room) -> bool:
+        """Whether it is what was asked for."""
+        near = self.deviation <= room.tolerance and self.timing <= room.timing
+        return near and self.items <= room.items
+
+
+def simplify(
+    flown: Track, room: Room, *, end: End = "loiter", constraints: Constraints = UNLIMITED
+) -> Simplified:
+    """Choose the fewest samples of a path as waypoints, so that the legs between them stay near it.
+
+    Of the missions of fewest waypoints it is that whose squared deviations are least. A leg that
+    would break a limit which the path keeps is not taken. Where the items are too many, or no legs
+    are long enough, both tolerances grow by the least factor that helps, to 5 %. Where even that
+    does not help, because the path keeps within less than a leg, its last part is left out.
+
+    Speeds are commanded where the vehicle would otherwise be out of time: chords are shorter than
+    arcs. Half of the time's tolerance is for that, half for what happens within a leg.
+
+    Parameters
+    ----------
+    flown
+        Samples in local metres with their times [s], so dense that the line through them is the path.
+    end
+        What happens at the last waypoint.
+    """
+    path = FlownPath.of(flown, constraints)
+    far = path.far_apart(room.spacing)
+    if far.size == 1:
+        return _judged(path, far, room.timing, end)
+    found = None
+    exponent = -1
+    while found is None and exponent < DOUBLINGS:
+        exponent += 1
+        found = _fitted(path, room.times(2.0**exponent), end)
+    if found is None:
+        return _judged(path, far, room.timing, end)
+    low, high = exponent - 1.0, float(exponent)
+    for _ in range(HALVINGS if exponent else 0):
+        middle = (low + high) / 2
+        nearer = _fitted(path, room.times(2.0**middle), end)
+        low, high = (middle, high) if nearer is None else (low, middle)
+        found = nearer or found
+    return found
+
+
+def _fitted(path: FlownPath, room: Room, end: End) -> Simplified | None:
+    """The mission within these tolerances; None where there is none."""
+    chosen = path.waypoints(room)
+    if chosen is None:
+        return None
+    mission = _judged(path, chosen, room.timing, end)
+    return mission if mission.fits(room) else None
+
+
+def _judged(
+    path: FlownPath, chosen: Integer[np.ndarray, " k"], timing: float, end: End
+) -> Simplified:
+    """Give the legs between waypoints their speeds, and hold the mission against the path."""
+    points = path.points[chosen]
+    hold = np.minimum(np.round(path.depart - path.arrive), LONGEST_HOLD)[chosen]
+    hold[-1] = 0.0  # the mission is over
+    lengths = np.hypot(*np.diff(points, axis=0).T)
+    speed = _speeds(lengths, path.arrive[chosen], hold, timing / 2, path.top_speed)
+    track = Track(
+        points=points,
+        time=path.arrive[chosen],
+        speed=speed if speed.size else None,
+        hold=hold if hold.any() else None,
+    )
+    arrive, depart = times_of_arrival(lengths, speed, hold, start=float(path.arrive[0]))
+    deviation, late = path.misfit_of(chosen, arrive, depart)
+    return Simplified(
+        track=track, items=count_items(track, end=end), deviation=deviation, timing=late
+    )
+
+
+def times_of_arrival(
+    lengths: Float[np.ndarray, " legs"],
+    speed: Float[np.ndarray, " legs"],
+    hold: Float[np.ndarray, " k"],
+    *,
+    start: float = 0.0,
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """When [s] a vehicle comes to each waypoint and leaves it, at its legs' speeds and with its holds."""
+    sailing = np.concatenate([[0.0], np.cumsum(lengths / speed)])
+    waiting = np.cumsum(hold)
+    return start + sailing + waiting - hold, start + sailing + waiting
+
+
+def _speeds(
+    lengths: Float[np.ndarray, " legs"],
+    due: Float[np.ndarray, " k"],
+    hold: Float[np.ndarray, " k"],
+    timing: float,
+    top: float,
+) -> Float[np.ndarray, " legs"]:
+    """Speed on each leg [m/s], changed only where the vehicle would else be ahead or behind by more than ``timing``.
+
+    From a waypoint on, each waypoint ahead narrows the interval of slownesses [s/m] that bring the
+    vehicle there in time. The last slowness before none is left is the one that brings it to the
+    last of these waypoints best.
+    """
+    speed = np.empty(lengths.size)
+    now, first = float(due[0]), 0
+    while first < lengths.size:
+        now += float(hold[first])
+        low, high = 1.0 / top, np.inf
+        distance = waiting = aim = 0.0
+        last = first
+        for i in range(first, lengths.size):
+            along = distance + lengths[i]
+            left = due[i + 1] - waiting - now
+            lower, upper = max(low, (left - timing) / along), min(high, (left + timing) / along)
+            if i > first and lower > upper:
+                break
+            low, high, distance, last = lower, max(lower, upper), along, i
+            aim = left / along
+            waiting += hold[i + 1]
+        speed[first : last + 1] = _round_speed(low, aim, high)
+        now += distance / speed[first] + hold[first + 1 : last + 1].sum()
+        first = last + 1
+    return speed
+
+
+def _round_speed(low: float, aim: float, high: float) -> float:
+    """The speed [m/s] nearest to an aimed slowness [s/m], in as few decimals as keep it between two others."""
+    slowness = min(max(aim, low), high)
+    for decimals in DECIMALS:
+        speed = round(1.0 / slowness, decimals)
+        if speed > 0 and low <= 1.0 / speed <= high:
+            return speed
+    return 1.0 / slowness

@@ -1,0 +1,238 @@
+"""A run's path as a mission for an autopilot, and what it costs to sail that instead of deciding on the way."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from obsplan.constraints import Constraints, Disc
+from obsplan.missions import Area, Mission, Track, to_geographic
+from obsplan.missions.export import Simplified, simplify
+from obsplan.missions.flown_path import Room
+from obsplan.planners import name_of
+from obsplan.run import Run
+from obsplan.scenario import Scenario
+from obsplan.simulation.autopilot import Autopilot, FixedPath, in_wider_turns
+from obsplan.simulation.loop import ClosedLoop, Progress
+from obsplan.simulation.step import folded
+from obsplan.types import Pose
+from obsplan.vehicles import Unicycle
+
+LATE = (60.0, 180.0)  # [s]
+SAGITTA = 0.05  # of the tolerance, by which the path may bulge between two of its samples
+LEG_SAMPLE = 0.1  # [m] between the places of a leg that are held against the limits
+
+ON_TIME, FLOWN, CLOSED_LOOP = "as_loaded", "path_as_flown", "closed_loop"
+
+
+def late_by(seconds: float) -> str:
+    """Key of a late start."""
+    return f"{seconds:.0f}_s_late"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Costs:
+    """What became of the AUVs under the noise of several seeds, by how the aid vehicle went."""
+
+    seeds: tuple[int, ...]
+    closed_loop_seeds: tuple[int, ...]  # the same, where that takes no longer than a replay
+    rms_error: dict[str, float]  # median over the seeds [m]
+    violation: dict[str, float]  # worst over the seeds [m]; empty without limits
+
+    def above(self, way: str, other: str = FLOWN) -> float:
+        """By what share the error of one way is above that of another."""
+        return self.rms_error[way] / self.rms_error[other] - 1.0 if self.rms_error[other] else 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Export:
+    """The mission made of a run's path, in local metres, and what is known of it."""
+
+    scenario: Scenario
+    planner: str
+    simplified: Simplified
+    widening: float  # how far wider turns moved the path [m]
+    violation: float  # how far its legs break the fixed limits [m]; at most 0 where they keep them
+    costs: Costs | None
+
+    @property
+    def mission(self) -> Mission:
+        """The mission with its limits, in degrees; home is where the vehicle started."""
+        origin = self.scenario.table.origin
+        local = Mission(
+            tracks={"cna": self.simplified.track},
+            geographic=False,
+            keep_outs=tuple(map(area_of, self.scenario.constraints.keep_out)),
+            geofences=tuple(map(area_of, fences(self.scenario.constraints))),
+        )
+        mission = to_geographic(local, (origin.lat, origin.lon))
+        lat, lon = mission.tracks["cna"].points[0].tolist()
+        return replace(mission, home=(lat, lon))
+
+    def summary(self) -> dict[str, Any]:
+        """Figures of merit, in metres and seconds."""
+        track, costs = self.simplified.track, self.costs
+        lengths = np.hypot(*np.diff(track.points, axis=0).T)
+        return {
+            "items": self.simplified.items,
+            "waypoints": len(track.points),
+            "least_leg_m": float(lengths.min()) if lengths.size else None,
+            "deviation_m": self.simplified.deviation,
+            "timing_s": self.simplified.timing,
+            **({"widening_m": self.widening} if self.widening else {}),
+            **({"violation_m": self.violation} if np.isfinite(self.violation) else {}),
+            "seeds": list(costs.seeds) if costs else [],
+            "closed_loop_seeds": list(costs.closed_loop_seeds) if costs else [],
+            "rms_error_m": _known(costs.rms_error) if costs else None,
+            **({"violation_max_m": _known(costs.violation)} if costs and costs.violation else {}),
+        }
+
+
+def _known(values: dict[str, float]) -> dict[str, float | None]:
+    """Numbers where they are: a filter may have failed."""
+    return {key: value if np.isfinite(value) else None for key, value in values.items()}
+
+
+def make_export(run: Run, *, progress: Progress | None = None) -> Export:
+    """Simplify a run's path as its scenario's ``[export]`` says, and sail it under other noise.
+
+    Parameters
+    ----------
+    progress
+        Called with (flights done, flights in all).
+    """
+    table, cna = run.scenario.table.export, run.scenario.cna
+    if table.min_turn_radius is not None:
+        cna = Unicycle(speed=cna.speed, min_turn_radius=table.min_turn_radius)
+    flown, sagitta = flown_track(run, SAGITTA * table.tolerance)
+    widening = 0.0
+    if cna.min_turn_radius > run.scenario.cna.min_turn_radius:
+        step = float(run.time[-1]) / (len(flown.points) - 1)
+        wider = in_wider_turns(flown.points, start_of(run), cna, step)
+        widening = float(np.hypot(*(wider - flown.points).T).max())
+        flown = replace(flown, points=wider)
+    room = Room(
+        items=table.max_items,
+        spacing=table.min_spacing,
+        tolerance=table.tolerance - sagitta,
+        timing=table.timing,
+    )
+    limits = run.scenario.constraints
+    simplified = simplify(flown, room, end=table.end, constraints=limits)
+    simplified = replace(simplified, deviation=simplified.deviation + sagitta)
+    return Export(
+        scenario=run.scenario,
+        planner=run.planner,
+        simplified=simplified,
+        widening=widening,
+        violation=leg_violation(simplified.track.points, limits),
+        costs=judge(run, simplified.track, cna, progress) if table.replays else None,
+    )
+
+
+def start_of(run: Run) -> Pose:
+    """Where the aid vehicle started."""
+    return Pose(*run.cna[0].tolist())
+
+
+def flown_track(run: Run, sagitta: float) -> tuple[Track, float]:
+    """The aid vehicle's path with its times, sampled so densely that the line through it is as near [m]; and how near.
+
+    Between two samples the vehicle is on an arc.
+    """
+    step, turn_rate, speed = run.scenario.table.time_step, run.turn_rate[:-1], run.speed[:-1]
+    bulge = float(np.max(abs(turn_rate) * speed, initial=0.0)) * step**2 / 8
+    parts = max(1, int(np.ceil(np.sqrt(bulge / sagitta))))
+    since = step * np.arange(parts) / parts
+    half = 0.5 * turn_rate[:, None] * since
+    chord = speed[:, None] * since * np.sinc(half / np.pi)
+    course = run.cna[:-1, 2, None] + half
+    along = np.stack([chord * np.cos(course), chord * np.sin(course)], axis=-1)
+    points = (run.cna[:-1, None, :2] + along).reshape(-1, 2)
+    time = (run.time[:-1, None] + since).ravel()
+    track = Track(points=np.vstack([points, run.cna[-1:, :2]]), time=np.append(time, run.time[-1]))
+    return track, bulge / parts**2
+
+
+def judge(run: Run, track: Track, cna: Unicycle, progress: Progress | None = None) -> Costs:
+    """Sail a mission as loaded, on time and late, and the path as it was flown, under the noise of other seeds."""
+    seeds = tuple(run.seed + 1 + n for n in range(run.scenario.table.export.replays))
+    ways = dict(_ways(run, track, cna))
+    reacting = _quick_planner(run)
+    flights = [*ways, *([CLOSED_LOOP] if reacting else [])]
+    done: dict[str, list[Run]] = {}
+    for i, way in enumerate(flights):
+        loop = reacting if way == CLOSED_LOOP and reacting else ways[way]
+        start = None if way == CLOSED_LOOP else start_of(run)
+        done[way] = []
+        for n, seed in enumerate(seeds):
+            done[way].append(loop.fly(seed, start=start))
+            if progress:
+                progress(i * len(seeds) + n + 1, len(flights) * len(seeds))
+    error = {way: float(np.median([r.rms_error for r in runs])) for way, runs in done.items()}
+    limited = bool(run.scenario.constraints)
+    return Costs(
+        seeds=seeds,
+        closed_loop_seeds=seeds if reacting else (run.seed,),
+        rms_error={CLOSED_LOOP: run.rms_error, **error},
+        violation={
+            way: float(max(r.violation.max() for r in runs))
+            for way, runs in done.items()
+            if limited
+        },
+    )
+
+
+def _ways(run: Run, track: Track, cna: Unicycle) -> Iterator[tuple[str, ClosedLoop]]:
+    """The path as flown, and the mission on time and late, where the run is longer than that."""
+    step, steps = run.scenario.table.time_step, run.time.size - 1
+
+    def fixed(commands: Float[np.ndarray, "steps 2"]) -> ClosedLoop:
+        return ClosedLoop(
+            scenario=run.scenario, planner=FixedPath(commands=commands, time_step=step)
+        )
+
+    yield FLOWN, fixed(np.column_stack([run.turn_rate[:-1], run.speed[:-1]]))
+    autopilot = Autopilot(cna=cna, acceptance=run.scenario.table.export.min_spacing)
+    for late in (0.0, *LATE):
+        if late < run.time[-1]:
+            way = late_by(late) if late else ON_TIME
+            commands = autopilot.commands(
+                track, start_of(run), time_step=step, steps=steps, late=late
+            )
+            yield way, fixed(commands)
+
+
+def _quick_planner(run: Run) -> ClosedLoop | None:
+    """The run's own planner, where flying it takes no longer than a fixed path."""
+    planner = run.scenario.planner()
+    if name_of(planner) != run.planner or folded(run.scenario, planner) is None:
+        return None
+    return ClosedLoop(scenario=run.scenario, planner=planner)
+
+
+def leg_violation(points: Float[np.ndarray, "k 2"], limits: Constraints) -> float:
+    """How far [m] straight legs break the fixed limits; -inf without any."""
+    lengths = np.hypot(*np.diff(points, axis=0).T)
+    worst = float(limits.fixed_violation(points).max())
+    if not np.isfinite(worst):
+        return worst
+    for (a, b), length in zip(pairwise(points), lengths, strict=True):
+        share = np.linspace(0.0, 1.0, int(np.ceil(length / LEG_SAMPLE)) + 1)[:, None]
+        worst = max(worst, float(limits.fixed_violation(a + share * (b - a)).max()))
+    return worst
+
+
+def area_of(limit: Any) -> Area:
+    """A keep-out or geofence as mission files have it."""
+    if isinstance(limit, Disc):
+        return Area(points=np.array([[limit.x, limit.y]]), radius=limit.radius)
+    return Area(points=np.array(limit.points, dtype=float))
+
+
+def fences(limits: Constraints) -> tuple[Any, ...]:
+    """The geofence, if there is one."""
+    return () if limits.geofence is None else (limits.geofence,)

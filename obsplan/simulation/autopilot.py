@@ -1,0 +1,165 @@
+"""A mission as an autopilot sails it: from waypoint to waypoint, at the speeds it was given."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from formulations.solution import Status
+from obsplan.missions import Track
+from obsplan.types import Belief, Decision, Pose
+from obsplan.vehicles import Unicycle
+
+LOOK_AHEAD = 2.0  # acceptance radii
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FixedPath:
+    """A planner that has fixed all commands beforehand, whatever is measured on the way."""
+
+    commands: Float[np.ndarray, "steps 2"]  # turn rate [rad/s] and speed [m/s] over each time step
+    time_step: float  # [s]
+
+    def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:  # noqa: ARG002 - the protocol's signature
+        """Look up the command of a time."""
+        step = min(round(time / self.time_step), len(self.commands) - 1)
+        turn_rate, speed = self.commands[step].tolist()
+        return Decision(turn_rate=turn_rate, speed=speed, status=Status.OPTIMAL)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Autopilot:
+    """Steers a vehicle along the lines between waypoints by pure pursuit (Coulter 1992).
+
+    It aims at the point of these lines that is a look-ahead farther than the vehicle, and turns on
+    the arc that leads there. A waypoint is reached within the acceptance radius, or when passed.
+    """
+
+    cna: Unicycle
+    acceptance: float  # [m]
+
+    def commands(
+        self, track: Track, start: Pose, *, time_step: float, steps: int, late: float = 0.0
+    ) -> Float[np.ndarray, "steps 2"]:
+        """Turn rate [rad/s] and speed [m/s] over each time step; at rest before it starts and when it is done.
+
+        Parameters
+        ----------
+        track
+            Waypoints in local metres, with the speed of each leg [m/s] and holds [s].
+        late
+            Time [s] for which the vehicle waits at the start.
+        """
+        waiting = min(round(late / time_step), steps)
+        voyage = _Voyage(track, start, self, time_step)
+        done = np.zeros((steps, 2))
+        pose = start
+        for k in range(waiting, steps):
+            done[k] = command = voyage.command(pose)
+            pose = moved(pose, *command, time_step)
+        return done
+
+
+class _Voyage:
+    """How far a vehicle has come on its mission."""
+
+    def __init__(self, track: Track, start: Pose, autopilot: Autopilot, time_step: float) -> None:
+        corners = np.vstack([[start.x, start.y], track.points])
+        speeds = [autopilot.cna.speed] if track.speed is None else track.speed.tolist()
+        self.cna, self.acceptance, self.time_step = autopilot.cna, autopilot.acceptance, time_step
+        self.corners: list[list[float]] = corners.tolist()
+        self.lengths: list[float] = np.hypot(*np.diff(corners, axis=0).T).tolist()
+        self.speeds: list[float] = [speeds[0], *speeds]
+        self.holds = [0.0] * len(track.points) if track.hold is None else track.hold.tolist()
+        self.leg = 0  # to the first waypoint
+        self.waiting = 0.0  # [s]
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the last waypoint has been reached."""
+        return self.leg == len(self.lengths)
+
+    def command(self, pose: Pose) -> tuple[float, float]:
+        """Turn rate [rad/s] and speed [m/s] over the next time step."""
+        while self.waiting <= 0 and not self.is_done and self._has_reached(pose):
+            self.waiting = self.holds[self.leg]
+            self.leg += 1
+        if self.waiting > 0 or self.is_done:
+            self.waiting -= self.time_step
+            return 0.0, 0.0
+        speed = self.speeds[self.leg]
+        look_ahead = max(LOOK_AHEAD * self.acceptance, 2.0 * speed * self.time_step)
+        return pursue(pose, self._aim(pose, look_ahead), speed, self.cna), speed
+
+    def _has_reached(self, pose: Pose) -> bool:
+        x, y = self.corners[self.leg + 1]
+        near = math.hypot(x - pose.x, y - pose.y) <= self.acceptance
+        return near or self._along(pose) >= self.lengths[self.leg]
+
+    def _along(self, pose: Pose) -> float:
+        """How far along its leg the vehicle is [m]."""
+        (x0, y0), (x1, y1) = self.corners[self.leg : self.leg + 2]
+        length = self.lengths[self.leg]
+        if length == 0:
+            return 0.0
+        return ((pose.x - x0) * (x1 - x0) + (pose.y - y0) * (y1 - y0)) / length
+
+    def _aim(self, pose: Pose, look_ahead: float) -> tuple[float, float]:
+        """The point of the mission's lines that is a distance [m] ahead of the vehicle."""
+        leg, left = self.leg, max(self._along(pose), 0.0) + look_ahead
+        while left > self.lengths[leg] and leg + 1 < len(self.lengths):
+            left -= self.lengths[leg]
+            leg += 1
+        (x0, y0), (x1, y1) = self.corners[leg : leg + 2]
+        share = left / self.lengths[leg] if self.lengths[leg] > 0 else 1.0
+        return x0 + share * (x1 - x0), y0 + share * (y1 - y0)
+
+
+def pursue(pose: Pose, aim: tuple[float, float], speed: float, cna: Unicycle) -> float:
+    """Turn rate [rad/s] of the arc through a point; as fast as the vehicle turns where it lies behind."""
+    east, north = aim[0] - pose.x, aim[1] - pose.y
+    bearing = math.atan2(north, east) - pose.heading
+    limit = speed / cna.min_turn_radius
+    if math.cos(bearing) < 0:
+        return math.copysign(limit, math.sin(bearing))
+    wanted = 2.0 * speed * math.sin(bearing) / max(math.hypot(east, north), 1e-9)
+    return max(-limit, min(limit, wanted))
+
+
+def moved(pose: Pose, turn_rate: float, speed: float, duration: float) -> Pose:
+    """Where a vehicle is after an arc."""
+    half = 0.5 * turn_rate * duration
+    chord = speed * duration * (math.sin(half) / half if half else 1.0)
+    x = pose.x + chord * math.cos(pose.heading + half)
+    y = pose.y + chord * math.sin(pose.heading + half)
+    return Pose(x, y, pose.heading + 2.0 * half)
+
+
+def in_wider_turns(
+    plan: Float[np.ndarray, "samples 2"], start: Pose, cna: Unicycle, time_step: float
+) -> Float[np.ndarray, "samples 2"]:
+    """Follow a plan with a vehicle that turns wider than the one it was made for.
+
+    At each sample it pursues the place that the plan has a turning radius's time later, no faster
+    than ``cna`` is: so it cuts what it cannot turn, and never falls behind for good.
+
+    Parameters
+    ----------
+    plan
+        Places [m] at steps of time [s].
+    cna
+        The vehicle, with its own least turning radius.
+    """
+    ahead = max(2, math.ceil(cna.min_turn_radius / (cna.speed * time_step)))
+    ahead_time = ahead * time_step
+    points: list[list[float]] = plan.tolist()
+    pose = start
+    done = [[start.x, start.y]]
+    for k in range(len(points) - 1):
+        x, y = points[min(k + ahead, len(points) - 1)]
+        speed = min(cna.speed, math.hypot(x - pose.x, y - pose.y) / ahead_time)
+        pose = moved(pose, pursue(pose, (x, y), speed, cna), speed, time_step)
+        done.append([pose.x, pose.y])
+    return np.array(done)
