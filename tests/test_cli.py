@@ -3,6 +3,9 @@
 import csv
 import json
 import os
+import pty
+import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -11,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-PROGRAM = [sys.executable, "-c", "from obsplan.cli import main; main()"]
+PROGRAM = [sys.executable, "-m", "obsplan"]
 SMALL = """
 origin = { lat = 47.6, lon = -122.3 }
 cna = { speed = 1.0, min_turn_radius = 0.5, start = { x = 1.0 } }
@@ -24,10 +27,11 @@ FILES = {
 }  # fmt: skip
 
 
-def obsplan(*arguments, cwd, code=0):
+def obsplan(*arguments, cwd, code=0, env=None):
     done = subprocess.run(
         [*PROGRAM, *map(str, arguments)],
         cwd=cwd,
+        env=os.environ | (env or {}),
         capture_output=True,
         text=True,
         check=False,
@@ -37,10 +41,10 @@ def obsplan(*arguments, cwd, code=0):
     return done
 
 
-def refused(*arguments, cwd):
+def refused(*arguments, cwd, env=None):
     """What is printed on refusal: exactly one line, on standard error, and nothing made."""
     before = sorted(cwd.iterdir())
-    done = obsplan(*arguments, cwd=cwd, code=2)
+    done = obsplan(*arguments, cwd=cwd, code=2, env=env)
     assert done.stdout == ""
     assert done.stderr.count("\n") == 1
     assert done.stderr.startswith("obsplan: ")
@@ -111,7 +115,10 @@ def test_compare_ranks_planners_under_the_same_noise(small):
         "c",
         cwd=small,
     )
-    assert "median" in done.stdout
+    assert "has the lowest RMS error, " in done.stdout
+    assert (
+        "With 3 seeds any lead could be chance; from 6 on (--runs 6) it can be told." in done.stdout
+    )
     with (small / "c" / "compare.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [(row["planner"], row["seed"]) for row in rows] == [
@@ -175,6 +182,7 @@ def test_wrong_input_is_one_line_and_makes_nothing(small):
     assert "broken.plan" in refused("new", "broken.plan", cwd=small)
     assert "small.toml" in refused("new", "broken.plan", "--out", "small.toml", cwd=small)
     assert "Did you mean 'run'" in refused("rum", cwd=small)
+    assert "2 what was given is wrong" in obsplan("--help", cwd=small).stdout
     assert 'no planner "x"' in refused("compare", "small.toml", "--planners", "circle,x", cwd=small)
 
 
@@ -208,8 +216,118 @@ def test_interrupted_run_leaves_no_folder(small):
 
 
 def test_lists_say_what_there_is(tmp_path):
-    assert "harbor-survey" in obsplan("scenarios", cwd=tmp_path).stdout
+    listed = obsplan("scenarios", cwd=tmp_path).stdout
+    assert "harbor-survey" in listed
+    assert "suite/keep-outs" in listed
     text = obsplan("schema", cwd=tmp_path).stdout
     assert "min_turn_radius" in text
     assert "smallest turning radius [m]" in text
     assert json.loads(obsplan("schema", "--json", cwd=tmp_path).stdout)["title"] == "ScenarioTable"
+
+
+def test_version_and_module_are_the_program_itself(tmp_path):
+    told = obsplan("--version", cwd=tmp_path).stdout
+    assert re.fullmatch(r"obsplan \d+\.\d+\.\d+\n", told)
+    by_name = Path(sys.executable).with_name("obsplan")
+    if by_name.exists():
+        done = subprocess.run([by_name, "--version"], capture_output=True, text=True, check=True)
+        assert done.stdout == told
+    assert "Usage: obsplan " in obsplan("run", "--help", cwd=tmp_path).stdout
+
+
+def test_shell_completes_commands_scenarios_and_planners(tmp_path):
+    def completed(line):
+        words = {"COMP_WORDS": line, "COMP_CWORD": str(line.count(" "))}
+        asked = {"_OBSPLAN_COMPLETE": "complete_bash", **words}
+        return obsplan(cwd=tmp_path, env=asked).stdout.split()
+
+    assert completed("obsplan camp") == ["campaign", "campaign-report"]
+    assert completed("obsplan run harb") == ["harbor-survey"]
+    assert completed("obsplan compare suite/keep") == ["suite/keep-outs"]
+    assert completed("obsplan compare x --planners circle,sta") == ["circle,stationary"]
+
+
+@pytest.mark.slow
+def test_shipped_name_works_again_beside_the_folder_that_it_made(tmp_path):
+    for folder in ("fixed-auv", "fixed-auv-2"):
+        assert f"Written to {folder}/" in obsplan("run", "fixed-auv", cwd=tmp_path).stdout
+    for folder in ("fixed-auv-compare", "fixed-auv-compare-2"):
+        done = obsplan("compare", "fixed-auv", "--planners", "circle,trail", cwd=tmp_path)
+        assert f"Written to {folder}/" in done.stdout
+
+
+@pytest.mark.slow
+def test_runs_at_once_go_to_folders_of_their_own_and_none_is_lost(small):
+    line = [*PROGRAM, "run", "small.toml"]
+    both = [subprocess.Popen(line, cwd=small, stdout=subprocess.PIPE, text=True) for _ in range(3)]
+    told = [process.communicate(timeout=300)[0] for process in both]
+    assert [process.returncode for process in both] == [0, 0, 0]
+    made = {re.search(r"Written to (\S+)/:", text)[1] for text in told}
+    assert made == {"scenario", "scenario-2", "scenario-3"}
+    for folder in made:
+        assert {path.name for path in (small / folder).iterdir()} == FILES
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("encoding", ["ascii", "cp1251", "cp932"])
+def test_output_does_not_die_of_an_encoding(tmp_path, encoding):
+    poor = os.environ | {"PYTHONUTF8": "0", "PYTHONIOENCODING": encoding}
+    for line in (["run", "fixed-auv"], ["schema"], ["run", "--help"], ["compare", "fixed-auv", "--planners", "circle,trail"]):  # fmt: skip
+        done = subprocess.run(
+            [*PROGRAM, *line], cwd=tmp_path, capture_output=True, check=True, env=poor
+        )
+        assert done.stderr == b""
+        assert done.stdout.decode(encoding)
+        assert line[-1] != "fixed-auv" or "Cramer" in done.stdout.decode(encoding)
+
+
+def test_refusal_does_not_die_of_an_encoding(tmp_path):
+    poor = {"PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii"}
+    assert 'no scenario "cafe-?" is shipped' in refused("run", "café-ж", cwd=tmp_path, env=poor)
+
+
+@pytest.mark.parametrize("line", [["schema"], ["--help"], ["scenarios"]], ids=" ".join)
+def test_reader_who_leaves_early_ends_nothing_badly(tmp_path, line):
+    reader, writer = os.pipe()
+    process = subprocess.Popen([*PROGRAM, *line], cwd=tmp_path, stdout=writer, stderr=subprocess.PIPE)  # fmt: skip
+    os.close(writer)
+    os.read(reader, 1)
+    os.close(reader)
+    _, error = process.communicate(timeout=60)
+    assert (process.returncode, error) == (0, b"")
+
+
+@pytest.mark.slow
+def test_next_command_can_be_pasted(tmp_path):
+    (tmp_path / "it's $mine & yours.csv").write_text(MISSIONS["local.csv"])
+    done = obsplan("new", "it's $mine & yours.csv", cwd=tmp_path)
+    (command,) = re.findall(r"^Next: obsplan (.*)$", done.stdout, flags=re.MULTILINE)
+    program = " ".join(shlex.quote(word) for word in PROGRAM)
+    subprocess.run(f"{program} {command} --out out", shell=True, cwd=tmp_path, check=True)
+    assert {path.name for path in (tmp_path / "out").iterdir()} == FILES
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [60, 80, 160])
+def test_terminal_of_any_width_is_kept_to(tmp_path, width):
+    """As on a terminal, for which a pseudo-terminal stands; escape sequences take no room."""
+    ours, theirs = pty.openpty()
+    environment = os.environ | {"COLUMNS": str(width), "TERM": "xterm"}
+    line = [*PROGRAM, "run", "fixed-formation"]
+    process = subprocess.Popen(line, cwd=tmp_path, stdout=theirs, stderr=subprocess.DEVNULL, env=environment)  # fmt: skip
+    os.close(theirs)
+    text = b""
+    while True:
+        try:
+            text += os.read(ours, 65536)
+        except OSError:  # Linux says so when the other end is closed
+            break
+    os.close(ours)
+    assert process.wait(timeout=60) == 0
+    lines = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", text.decode()).replace("\r", "").splitlines()
+    assert max(map(len, lines)) <= width
+    summary = json.loads((tmp_path / "fixed-formation" / "summary.json").read_text())
+    for name, figures in summary["auv"].items():
+        row = " ".join(line for line in lines if line.startswith(f"│ {name} "))
+        for key in ("rms_error_m", "max_error_m", "pcrb_rms_m", "bound_rms_m", "efficiency"):
+            assert f" {figures[key]:.2f} " in row

@@ -1,8 +1,6 @@
-"""What the thesis claims of several AUVs, of the Gramian method and of localization; and the folder of all items."""
+"""What the thesis claims of several AUVs, of the Gramian method and of localization."""
 
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -13,7 +11,7 @@ import obsplan as op
 from formulations import displacement_moments
 from obsplan.planners.protocol import two_thirds_turn
 from obsplan.simulation import ClosedLoop
-from obsplan.thesis import ITEMS, tables, write_thesis
+from obsplan.thesis import ITEMS, tables
 from obsplan.thesis.flights import fly, pose, random_starts, scenario
 from obsplan.thesis.groups import centroid_offset, static_formation, typical_condition
 from obsplan.thesis.horizon import settled
@@ -251,38 +249,6 @@ def test_study_is_computed_drawn_and_answered(name):
     assert len(item.found(data).sentence) > 100
 
 
-def test_folder_holds_picture_data_and_page_the_same_on_every_run(tmp_path):
-    done = []
-    for name in ("a", "b"):
-        write_thesis(
-            ["fig5.2", "fig5.1"], tmp_path / name, runs=2, progress=lambda k, n: done.append((k, n))
-        )
-    first, second = (
-        {path.name: path.read_bytes() for path in (tmp_path / name).iterdir()}
-        for name in ("a", "b")
-    )
-    assert first == second
-    assert set(first) == {
-        "thesis.md",
-        *(f"{item}.{kind}" for item in ("fig5.1", "fig5.2") for kind in ("png", "nc")),
-    }
-    assert done == [(1, 2), (2, 2)] * 2
-    page = first["thesis.md"].decode()
-    assert page.index("| [fig5.1](#fig51) |") < page.index("| [fig5.2](#fig52) |")
-    assert ITEMS["fig5.2"].claim in page
-    with xr.open_dataset(tmp_path / "a" / "fig5.1.nc", engine="scipy") as data:
-        np.testing.assert_allclose(data.distance, 1.0)
-
-
-def test_unknown_item_and_existing_folder_are_refused_and_nothing_is_left(tmp_path):
-    with pytest.raises(op.ObsplanError, match=r'no "fig9.9"; give all, or some of fig5.1'):
-        write_thesis(["fig9.9"], tmp_path / "out")
-    (tmp_path / "there").mkdir()
-    with pytest.raises(op.ObsplanError, match="exists and is not overwritten"):
-        write_thesis(["fig5.1"], tmp_path / "there")
-    assert [path.name for path in tmp_path.iterdir()] == ["there"]
-
-
 def test_every_item_of_the_thesis_is_there_and_every_question():
     figures = (
         [f"fig5.{k}" for k in range(1, 13)]
@@ -294,23 +260,3 @@ def test_every_item_of_the_thesis_is_there_and_every_question():
         for name in ("horizon", "aggregate", "weights", "blend", "speeds", "curvature")
     ]
     assert sorted(ITEMS) == sorted(figures + questions)
-
-
-@pytest.mark.slow
-def test_command_makes_the_folder_and_refuses_what_it_does_not_know(tmp_path):
-    command = [sys.executable, "-c", "from obsplan.cli import main; main()"]
-    made = subprocess.run(
-        [*command, "thesis", "fig5.1", "--out", "here"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert made.returncode == 0, made.stderr
-    assert "agrees" in made.stdout
-    assert (tmp_path / "here" / "thesis.md").exists()
-    refused = subprocess.run(
-        [*command, "thesis", "fig5.13"], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert refused.returncode == 2
-    assert "fig5.13" in refused.stderr

@@ -1,0 +1,162 @@
+"""What a campaign says when its script, its store or its user is in the way: one sentence, and nothing of its workers."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import psutil
+import pytest
+from campaigns import finish, start, wait_until, write_scenario
+
+from obsplan import ObsplanError, load_campaign
+from obsplan.campaign import fly_campaign, plan_cells
+from obsplan.campaign.store import FILE, TABLES, Store
+
+SCRIPT = """
+from obsplan.campaign import fly_campaign, plan_cells
+with open("read.txt", "a") as file:
+    file.write("read\\n")
+{guard}report = fly_campaign(plan_cells(["{pond}"], runs=3), "out", workers=2)
+{guard}open("done.txt", "w").write(f"{{report.flown}} flown")
+"""
+
+
+def run_script(folder, guard):
+    pond = write_scenario(folder, duration=10.0)
+    (folder / "fly.py").write_text(SCRIPT.format(guard=guard, pond=pond))
+    return subprocess.run(
+        [sys.executable, "fly.py"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+
+
+@pytest.mark.slow
+def test_script_without_a_main_guard_is_told_so_in_one_sentence(tmp_path):
+    done = run_script(tmp_path, guard="")
+    assert done.returncode == 1
+    assert done.stderr.count("Traceback") == 1  # of the script's own, down to where it called
+    assert "multiprocessing" not in done.stderr
+    assert "distributed" not in done.stderr
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("obsplan.types.ObsplanError: no worker process could start")
+    assert '`if __name__ == "__main__":`' in last
+    assert not (tmp_path / "done.txt").exists()  # no worker went on in the script, either
+
+
+@pytest.mark.slow
+def test_script_with_a_main_guard_flies(tmp_path):
+    done = run_script(tmp_path, guard='if __name__ == "__main__": ')
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "done.txt").read_text() == "3 flown"
+
+
+def children(process):
+    """Workers under way, which at first are but interpreters about to import."""
+    return [
+        child
+        for child in psutil.Process(process.pid).children(recursive=True)
+        if "spawn_main" in " ".join(child.cmdline())
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("after", [0.0, 0.2, 0.6, 1.5])
+def test_ctrl_c_while_workers_start_shows_nothing_of_them(tmp_path, after):
+    pond = write_scenario(tmp_path)
+    process = start(pond, "--runs", 500, "--workers", 2, "--out", tmp_path / "out", start_new_session=True)  # fmt: skip
+    wait_until(lambda: children(process))
+    time.sleep(after)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: the workers get it too
+    out, err = finish(process, code=130)
+    assert out == ""
+    assert (
+        err
+        == f"obsplan: interrupted; what is finished is kept in {tmp_path / 'out'}, and the same command goes on from there\n"
+    )
+
+
+@pytest.fixture
+def flown(tmp_path):
+    """A folder with a campaign's store and table, as `fly_campaign` leaves it, and the cells."""
+    cells = plan_cells([write_scenario(tmp_path, duration=10.0)])
+    folder = tmp_path / "out"
+    folder.mkdir()
+    with Store(folder) as store:
+        store.enter(cells)
+    for name in TABLES:
+        (folder / name).touch()
+    return folder, cells
+
+
+def test_store_that_was_moved_away_is_asked_for(flown):
+    folder, cells = flown
+    (folder / FILE).rename(folder.parent / "elsewhere.sqlite")
+    sentence = f"out has a campaign's table but not its store, which was moved or removed: put {FILE} back, or give"
+    with pytest.raises(ObsplanError, match=sentence):
+        fly_campaign(cells, folder)
+    with pytest.raises(ObsplanError, match=sentence):
+        load_campaign(folder)
+    assert sorted(path.name for path in folder.iterdir()) == sorted(TABLES)
+
+
+def test_store_that_is_a_folder_is_named_as_one(flown):
+    folder, cells = flown
+    (folder / FILE).unlink()
+    (folder / FILE).mkdir()
+    for use in (lambda: fly_campaign(cells, folder), lambda: load_campaign(folder)):
+        with pytest.raises(ObsplanError, match=r"campaign.sqlite: is a folder, .* choose another"):
+            use()
+
+
+def without_rights(line):
+    """A command that, unlike root, is kept to what files' permissions say."""
+    if os.geteuid() != 0:
+        return line
+    if not shutil.which("setpriv"):
+        pytest.skip("root may write anywhere")
+    return ["setpriv", "--bounding-set", "-dac_override,-dac_read_search", *line]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("file_mode", "folder_mode", "sentence"),
+    [
+        (0o444, 0o755, "campaign.sqlite: is read-only; make it writable, or choose another folder"),
+        (0o644, 0o555, "campaign.sqlite: lies in a folder that is read-only; make that writable, or"),
+        (0o000, 0o755, "campaign.sqlite: may not be read; make it readable and writable, or choose"),
+    ],
+)  # fmt: skip
+def test_store_without_the_right_to_use_it_says_which_right(
+    flown, file_mode, folder_mode, sentence
+):
+    folder, _ = flown
+    (folder / FILE).chmod(file_mode)
+    folder.chmod(folder_mode)
+    line = [sys.executable, "-m", "obsplan", "campaign", "pond.toml", "--runs", "3", "--out", "out"]
+    try:
+        done = subprocess.run(
+            without_rights(line), cwd=folder.parent, capture_output=True, text=True, check=False
+        )
+    finally:
+        folder.chmod(0o755)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert sentence in done.stderr
+
+
+@pytest.mark.slow
+def test_store_that_is_moved_while_the_campaign_runs_is_named_as_moved(tmp_path):
+    pond = write_scenario(tmp_path, duration=10.0)
+    process = start(pond, "--runs", 5000, "--workers", 1, "--out", tmp_path / "out")
+    wait_until(lambda: children(process))
+    (tmp_path / "out" / FILE).rename(tmp_path / "elsewhere.sqlite")
+    _, err = finish(process, code=2)
+    assert err.count("\n") == 1
+    assert f"{FILE}: was moved or removed while the campaign ran; put it back, and" in err
