@@ -193,7 +193,7 @@ def test_errors_of_a_filter_without_uncertainty_are_drawn(formation):
 
 
 def test_png_says_nothing_but_its_picture(formation):
-    content = png(lambda: map_figure(formation), trim=True)
+    content = png(lambda: map_figure(formation))
     kinds, at = [], 8  # chunks: length, kind, data, checksum
     while at < len(content):
         (length,) = struct.unpack(">I", content[at : at + 4])

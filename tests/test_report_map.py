@@ -147,6 +147,21 @@ def test_legend_and_scale_are_beside_the_map(broken):
     assert bar.get_window_extent().y0 > axes.get_legend().get_window_extent().y1
 
 
+def test_saved_as_it_is_nothing_is_cut(broken):
+    """A user saves `Run.plot()` without asking for a tight box."""
+    figure = broken.plot()
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    things = [*axes.texts, axes.get_legend(), axes.xaxis.label, axes.yaxis.label]
+    for thing in things:
+        box = thing.get_window_extent()
+        assert 0 <= box.x0 < box.x1 <= figure.bbox.x1, thing
+        assert 0 <= box.y0 < box.y1 <= figure.bbox.y1, thing
+    wide = figure.get_tightbbox()
+    assert wide.width > 0.9 * figure.get_figwidth()  # nor is there an empty margin
+    assert wide.height > 0.9 * figure.get_figheight()
+
+
 # --- tracks and ellipses -------------------------------------------------------------------------------
 
 
@@ -420,4 +435,4 @@ def test_names_are_no_mathematics_and_no_name_is_left_out(free):
     run = replace(free, scenario=odd)
     axes = axes_of(run)
     assert [text.strip() for text in legend(axes)[:2]] == ["_under $score$", "$\\frac$"]
-    assert png(lambda: map_figure(run), trim=True) == png(lambda: map_figure(run), trim=True)
+    assert png(lambda: map_figure(run)) == png(lambda: map_figure(run))

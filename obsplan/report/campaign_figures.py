@@ -16,8 +16,7 @@ from matplotlib.lines import Line2D
 
 from obsplan.campaign.statistics import medians, varied_keys, worded
 from obsplan.report.style import AID, head, name_rows, named, plain_decades, planner_style
-from obsplan.report.tables import marked
-from obsplan.report.words import title
+from obsplan.report.words import marked, title
 from obsplan.scenario.schema import described
 
 if TYPE_CHECKING:

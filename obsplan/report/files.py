@@ -120,7 +120,7 @@ def write_run(run: Run, folder: Path | str, export: Export | None = None) -> Non
         write_netcdf(run, made / "tracks.nc")
         write_atomically(made / "tracks.csv", tracks_csv(run))
         write_paths(run, export, made)
-        write_atomically(made / "map.png", png(partial(map_figure, run), trim=True))
+        write_atomically(made / "map.png", png(partial(map_figure, run)))
         write_atomically(made / "errors.png", png(partial(errors_figure, run)))
         write_atomically(made / "summary.json", as_json(summary))
         write_atomically(made / "timing.json", as_json(timing(run)))

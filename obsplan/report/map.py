@@ -14,8 +14,8 @@ from matplotlib.patches import Patch
 
 from obsplan.report.map_limits import binding_separations, boundary, draw_limits, ring
 from obsplan.report.marks import Label, draw_labels, mark_label, marked_instants, marks_in_words
-from obsplan.report.style import AID, BROKEN, FAINT, colour, dark, named
-from obsplan.report.surround import draw_bar_and_north, draw_heading, draw_notes
+from obsplan.report.style import AID, BROKEN, FAINT, colour, dark, named, styled
+from obsplan.report.surround import draw_bar_and_north, draw_heading, draw_notes, fit_figure
 from obsplan.report.words import after, capital, clock, limit_name, metres, title
 from obsplan.run import Run
 
@@ -40,6 +40,7 @@ _PING: dict[str, Any] = {"marker": "o", "ms": 2.4, "mfc": "white", "mew": 0.6, "
 _ARROW: dict[str, Any] = {"ms": 7, "mfc": AID, "mec": "white", "mew": 0.4, "ls": ""}
 
 
+@styled()  # in any case: its own size depends on the style
 def map_figure(run: Run) -> Figure:
     """Draw from above: surveys, true tracks, estimates with ellipses, aid vehicle, limits."""
     low, high = extent(run)
@@ -71,6 +72,7 @@ def map_figure(run: Run) -> Figure:
         fontsize=8,
         handlelength=2.4,
     )
+    fit_figure(figure, axes)
     return figure
 
 
@@ -211,11 +213,11 @@ def _draw_aid(axes: Axes, run: Run) -> None:
     path = run.cna[_every(run), :2]
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
     winding = length[-1] > WINDING * np.ptp(path, axis=0).max()
-    line = {"lw": 0.3, "alpha": 0.6} if winding else {"lw": 0.8, "alpha": 0.75}
+    line: dict[str, Any] = {"lw": 0.3, "alpha": 0.6} if winding else {"lw": 0.8, "alpha": 0.75}
     axes.plot(*path.T, color=AID, **line, zorder=1.5 if winding else 4)
     if length[-1] > 0:
         _draw_course(axes, run)
-        axes.plot(*path[-1], marker="s", ms=6, mfc=AID, mec="white", ls="", zorder=8)
+        axes.plot(*path[-1], marker="s", ms=6, mfc=AID, mec="white", ls="", zorder=9.5)
     axes.plot(*path[0], **_AID_START, ls="", zorder=8)
 
 
@@ -264,7 +266,9 @@ def _draw_marks(axes: Axes, run: Run) -> list[Label]:
                 continue
             last = track[k]
             axes.plot(*last, **_TIME, mfc=paint, zorder=9)
-            labels.append(Label(text=mark_label(run.time[k], longest), at=last, colour=dark(paint)))
+            labels.append(
+                Label(text=mark_label(float(run.time[k]), longest), at=last, colour=dark(paint))
+            )
     return labels
 
 

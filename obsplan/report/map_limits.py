@@ -78,7 +78,7 @@ def binding_separations(run: Run) -> list[LimitHistory]:
 def _keep_out(area: Disc | Polygon) -> Patch:
     if isinstance(area, Disc):
         return Circle((area.x, area.y), area.radius, **_KEEP_OUT, zorder=0.8)
-    return Outline(area.points, closed=True, **_KEEP_OUT, zorder=0.8)
+    return Outline(np.array(area.points), closed=True, **_KEEP_OUT, zorder=0.8)
 
 
 def _middle(area: Disc | Polygon) -> tuple[float, float]:

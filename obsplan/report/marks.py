@@ -161,7 +161,7 @@ def within(boxes: Float[np.ndarray, "n 2 2"], frame: Float[np.ndarray, "2 2"]) -
 def overlapping(boxes: Float[np.ndarray, "n 2 2"], taken: Float[np.ndarray, "m 2 2"]) -> np.ndarray:
     """Which boxes share room with one that is taken."""
     apart = (boxes[:, None, 1] <= taken[None, :, 0]) | (boxes[:, None, 0] >= taken[None, :, 1])
-    return (~apart.any(axis=2)).any(axis=1)
+    return np.any(~np.any(apart, axis=-1), axis=-1)
 
 
 def dots_inside(

@@ -18,8 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogFormatter
 
 from obsplan.planners import PLANNERS
-from obsplan.report.tables import marked
-from obsplan.report.words import time_unit
+from obsplan.report.words import marked, time_unit
 
 # Okabe & Ito (2008) without its yellow and black, then two of P. Tol's "muted": told apart by colour-blind readers, and on white
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#999933")
@@ -57,17 +56,11 @@ def styled() -> Iterator[None]:
         yield
 
 
-def png(draw: Callable[[], Figure], *, trim: bool = False) -> bytes:
-    """Draw a figure without any window system, its white margins off if asked; the bytes say neither when nor by whom they were made."""
+def png(draw: Callable[[], Figure]) -> bytes:
+    """Draw a figure without any window system; the bytes tell neither when nor by whom."""
     buffer = io.BytesIO()
     with styled():
-        draw().savefig(
-            buffer,
-            format="png",
-            dpi=DPI,
-            bbox_inches="tight" if trim else None,
-            metadata={"Software": None},
-        )
+        draw().savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
     return buffer.getvalue()
 
 
@@ -78,7 +71,8 @@ def colour(i: int) -> str:
 
 def dark(paint: str) -> str:
     """A colour dark enough for small letters."""
-    return to_hex(INK * np.array(to_rgb(paint)))
+    red, green, blue = (INK * part for part in to_rgb(paint))
+    return to_hex((red, green, blue))
 
 
 def planner_style(name: str) -> tuple[str, str]:

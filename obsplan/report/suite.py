@@ -14,8 +14,8 @@ from obsplan.campaign.statistics import LEVEL, fewest_pairs, medians, signed_ran
 from obsplan.constraints import ROUNDING
 from obsplan.files import write_atomically
 from obsplan.planners.protocol import expression_of
-from obsplan.report.tables import marked, violation_cell
-from obsplan.report.words import metres, title
+from obsplan.report.tables import violation_cell
+from obsplan.report.words import marked, metres, title
 from obsplan.scenario import Scenario, load
 from obsplan.simulation import ClosedLoop
 from obsplan.types import ObsplanError
@@ -315,7 +315,7 @@ def suite_figure(suite: Suite) -> "Figure":
     bar.ax.set_yticklabels([f"{tick:g}" for tick in ticks])
     bar.ax.minorticks_off()
     key = "Bold: the best, or not distinguishable from it."
-    if suite.cells["broke"].any():
+    if bool(suite.cells["broke"].any()):
         key += " †: broke a limit."
     head(figure, "Median RMS position error [m]", key)
     return figure

@@ -1,29 +1,34 @@
 """What stands about a map, none of it over the data: heading, scale bar, north arrow, notes."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import ScaledTranslation, Transform
 
 LINE = 0.21  # height of a line of a heading [inch]
 NORTH, BAR = 0.3, 0.7  # the arrow and the bar's left end, from the map's right edge [inch]
 LONGEST_BAR = 1.1  # [inch]
+PAD = 0.1  # white margin of the figure [inch]
 
 
 def inches(axes: Axes, x: float, y: float) -> Transform:
     """Inches from a place in the axes: (0, 0) is their lower left, (1, 1) their upper right."""
-    scale = axes.figure.dpi_scale_trans  # pyright: ignore[reportOptionalMemberAccess]
-    return scale + ScaledTranslation(x, y, axes.transAxes)
+    scale: Any = axes.figure.dpi_scale_trans  # pyright: ignore[reportOptionalMemberAccess]
+    corner: Any = axes.transAxes
+    return scale + ScaledTranslation(x, y, corner)
 
 
 def draw_heading(axes: Axes, lines: Sequence[tuple[str, str]]) -> None:
     """Write lines, each with its colour, above the axes; the first is the title."""
     for k, (text, colour) in enumerate(lines):
         height = 0.1 + LINE * (len(lines) - 1 - k)
-        kind = {"fontsize": 11, "fontweight": "bold"} if k == 0 else {"fontsize": 9}
-        axes.text(0.0, height, text, transform=inches(axes, 0.0, 1.0), color=colour, **kind)
+        line = axes.text(0.0, height, text, transform=inches(axes, 0.0, 1.0), color=colour)
+        line.set_fontsize(11 if k == 0 else 9)
+        line.set_fontweight("bold" if k == 0 else "normal")
 
 
 def draw_notes(axes: Axes, notes: Sequence[str]) -> None:
@@ -84,3 +89,15 @@ def draw_bar_and_north(axes: Axes, width: float, inch: float) -> None:
         arrowprops={"arrowstyle": "-|>", "color": "black", "lw": 1.2, "shrinkA": 6, "shrinkB": 0},
         annotation_clip=False,
     )
+
+
+def fit_figure(figure: Figure, axes: Axes) -> None:
+    """Make a figure as large as what stands about its only axes needs, these staying as they are."""
+    size = figure.get_size_inches()
+    low, high = axes.get_position().get_points() * size
+    figure.draw_without_rendering()
+    needed = figure.get_tightbbox()
+    origin = np.array(needed.min) - PAD
+    size = np.array(needed.max) + PAD - origin
+    figure.set_size_inches(*size.tolist())
+    axes.set_position((*((low - origin) / size), *((high - low) / size)))

@@ -79,11 +79,6 @@ def breaks(violation: float | None) -> bool:
     return violation is not None and violation > ROUNDING
 
 
-def marked(name: str, broke: bool) -> str:
-    """A name, with a mark if its bearer broke a limit."""
-    return f"{name} †" if broke else name
-
-
 def violation_cell(violation: float | None) -> str:
     """By how much a limit was broken [m], if one was."""
     return cell(violation, 2) if violation is None or breaks(violation) else "kept"

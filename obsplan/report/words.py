@@ -57,3 +57,8 @@ def limit_name(limit: LimitHistory) -> str:
 def capital(text: str) -> str:
     """A sentence's beginning."""
     return text[:1].upper() + text[1:]
+
+
+def marked(name: str, broke: bool) -> str:
+    """A name, with a mark if its bearer broke a limit."""
+    return f"{name} †" if broke else name
