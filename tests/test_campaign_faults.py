@@ -130,7 +130,7 @@ def test_interrupted_says_so_and_keeps_what_was_flown(tmp_path, arguments):
     _, err = finish(process, code=130)
     assert (
         err
-        == f"obsplan: interrupted; what was flown is kept in {tmp_path}, and the same command goes on from there\n"
+        == f"obsplan: interrupted; what is finished is kept in {tmp_path}, and the same command goes on from there\n"
     )
     assert sound(tmp_path)
     assert len(load_campaign(tmp_path)) == flown(tmp_path) >= 10
