@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from formulations.information import (
+from formulations.cramer_rao import (
     InformationBound,
     information_bound,
     position_rms,

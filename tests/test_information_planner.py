@@ -8,9 +8,9 @@ import pytest
 from oracles import Spy, arc, scenario
 from scipy.stats import ttest_rel
 
-import formulations.manoeuvre_search as search
+import formulations.beam_search as search
 import obsplan as op
-from formulations.manoeuvre_search import (
+from formulations.beam_search import (
     Ranging,
     Stages,
     ping_stages,

@@ -178,7 +178,7 @@ def _moments(
 def _covariances(
     z: SX, poses: tuple[SX, SX, SX], s: dict[str, SX], g: dict[str, SX], shape: Shape
 ) -> SX:
-    """Predict each AUV's covariance over a stage and update it by the ranges at its end, as `formulations.manoeuvre_search` does."""
+    """Predict each AUV's covariance over a stage and update it by the ranges at its end, as `formulations.beam_search` does."""
     after = []
     for i, packed in enumerate(ca.vertsplit(z, len(TRIANGLE))):
         P = _predicted(unpacked(packed), s["course"][:, i], g["noise"][:, i] ** 2, s["duration"])

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..manoeuvre_search import Violation
+from ..beam_search import Violation
 from ..solution import Status
 from .manoeuvres import manoeuvres
 from .parameters import chosen, setting

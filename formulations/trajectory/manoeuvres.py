@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float
 
-from ..manoeuvre_search import Stages, Tracks, Violation, search_manoeuvres, turn_candidates
+from ..beam_search import Stages, Tracks, Violation, search_manoeuvres, turn_candidates
 from .program import Controls
 from .rollout import ramped
 from .task import Task

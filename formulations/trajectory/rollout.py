@@ -5,7 +5,7 @@ Gramian objectives are of the position block of the squared range's Gramian (the
 .. math:: W_i = 4 \int_0^T p_i p_i^\top dt, \qquad p_i(t) = \text{aid vehicle} - \text{AUV } i,
 
 by Simpson's rule on each stage. W grows with distance: give these objectives a greatest separation. The ``covariance`` objective is the
-time mean of the trace of each AUV's predicted position covariance, ranges coming at the pings (`formulations.manoeuvre_search`).
+time mean of the trace of each AUV's predicted position covariance, ranges coming at the pings (`formulations.beam_search`).
 """
 
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..manoeuvre_search import Tracks, predict_covariance, range_update
+from ..beam_search import Tracks, predict_covariance, range_update
 from .task import Task
 
 

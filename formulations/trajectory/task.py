@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..manoeuvre_search import Ranging
+from ..beam_search import Ranging
 from .areas import Areas, in_frame
 
 OBJECTIVES = ("covariance", "log-det", "smallest-eigenvalue", "condition-number")

@@ -110,7 +110,7 @@ def advanced(P: ca.SX, T: ca.SX, Q: ca.SX, h: ca.SX) -> ca.SX:
 
 
 def ranged(P: ca.SX, x: ca.SX, pings: ca.SX, sigma: ca.SX, squared: bool) -> ca.SX:
-    """`manoeuvre_search.range_update` as an expression; no ranges leave the covariance as it is."""
+    """`beam_search.range_update` as an expression; no ranges leave the covariance as it is."""
     d2 = ca.fmax(ca.dot(x, x), NEAREST**2)
     u, number = x / ca.sqrt(d2), ca.fmax(pings, 1.0)
     Pu = P[:, 0] * u[0] + P[:, 1] * u[1]

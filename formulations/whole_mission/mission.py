@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Integer
 
-from formulations.manoeuvre_search import Ranging
+from formulations.beam_search import Ranging
 
 HEADING = 2  # index in the state
 MOST_STAGES = 400  # steps of the covariance recursion; more ranges than that are taken together

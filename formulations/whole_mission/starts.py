@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from jaxtyping import Float
 
-from formulations import manoeuvre_search
-from formulations.manoeuvre_search import (
+from formulations import beam_search
+from formulations.beam_search import (
     Stages,
     Tracks,
     ping_stages,
@@ -95,7 +95,7 @@ def receding_horizon(
     return turns.of(rates)
 
 
-def _after(violation: Violation, begin: float) -> manoeuvre_search.Violation:
+def _after(violation: Violation, begin: float) -> beam_search.Violation:
     return lambda positions, time: violation(positions, np.array(begin + time))
 
 

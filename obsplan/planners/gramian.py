@@ -9,11 +9,11 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from formulations.empirical_range_gramian import empirical_gramian_entries
-from formulations.manoeuvre_search import arcs
-from formulations.metric_expressions import position_schur_expression, score_expression
-from formulations.ping_moments import ping_moments
-from formulations.range_gramian import DisplacementMoments, displacement_moments, gramian_entries
+from formulations.beam_search import arcs
+from formulations.gramian.empirical_range import empirical_gramian_entries
+from formulations.gramian.pings import ping_moments
+from formulations.gramian.range import DisplacementMoments, displacement_moments, gramian_entries
+from formulations.metrics import position_schur_expression, score_expression
 from formulations.solution import Status
 from obsplan.constraints import UNLIMITED, Constraints, first_move_violation
 from obsplan.planners.candidates import first_of_the_best

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from formulations.manoeuvre_search import (
+from formulations.beam_search import (
     Manoeuvre,
     Ranging,
     Stages,
@@ -29,7 +29,7 @@ class InformationHorizon:
     """Search a tree of constant turns for the least predicted position covariance of the moving AUVs over the horizon.
 
     Each AUV's own covariance is predicted with its process noise along its survey or course, ranges coming at the pings, their second-order
-    error counted (`formulations.manoeuvre_search`). The tree has ``stages`` levels of ``turn_rates`` branches, and a beam of ``beam_width``
+    error counted (`formulations.beam_search`). The tree has ``stages`` levels of ``turn_rates`` branches, and a beam of ``beam_width``
     is kept. Where pings are rare a stage lasts from ping to ping and the horizon is that much longer. A turn that breaks a limit, or leaves
     no circle free to turn on, is discarded; if all do, the least violating is taken and the status says so. ``score`` is the mean over
     the horizon of the criterion, [m^2] or [-].

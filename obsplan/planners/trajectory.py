@@ -8,7 +8,7 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-from formulations.manoeuvre_search import Ranging
+from formulations.beam_search import Ranging
 from formulations.solution import Status
 from formulations.trajectory import Areas, Controls, Limits, Outcome, Task, convex_areas, optimise
 from obsplan.constraints import UNLIMITED, Constraints, Disc, Polygon, loiter_violation

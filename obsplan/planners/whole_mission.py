@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from jaxtyping import Float
 
-from formulations.manoeuvre_search import Manoeuvre, Ranging, Stages
+from formulations.beam_search import Manoeuvre, Ranging, Stages
 from formulations.whole_mission import Mission, Plan, optimise
 from obsplan.constraints import UNLIMITED, Constraints
 from obsplan.planners.checks import check_at_least, check_choices, check_positive

@@ -22,8 +22,7 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from .metric_expressions import position_schur_expression, score_expression
-from .metrics import BLEND_WEIGHT
+from ..metrics import BLEND_WEIGHT, position_schur_expression, score_expression
 
 VARIANTS = ("exact", "thesis")
 UNIT_VARIANCES = (1.0, 1.0)  # of the heading [rad²·s], of the squared range [m⁴·s]
@@ -37,7 +36,7 @@ Moments = Float[np.ndarray, "3 K"] | list[Any]  # rows, or columns that are expr
 class DisplacementMoments(NamedTuple):
     """Integrals over the horizon of t^k times 1, Δ1, Δ2, Δ1², Δ1Δ2, Δ2² in the body frame, k = 0, 1, 2 first; units m^a·s^(k+1).
 
-    The first of each alone serves an AUV at rest. Moments that are expressions come as three columns each (`ping_moments`).
+    The first of each alone serves an AUV at rest. Moments that are expressions come as three columns each (`formulations.gramian.pings`).
     """
 
     one: Moments

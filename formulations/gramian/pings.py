@@ -4,7 +4,7 @@ r"""Displacement moments of a Gramian whose ranges come at pings: sums over a fe
 
 f is the time until the first ping and may be an expression; all else is numbers. An arc goes on from where it was at f, turned by what it
 had turned by then, Δ(f + s) = a + R Δ(s), so that the sums over s = kτ, which are numbers, are shifted and turned to those over t. The
-factor τ makes the sum an integral by the rectangle rule: as τ goes to 0 the moments become those of `range_gramian`, of the same unit.
+factor τ makes the sum an integral by the rectangle rule: as τ goes to 0 the moments become those of `range`, of the same unit.
 """
 
 from math import comb
@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from .range_gramian import DisplacementMoments
+from .range import DisplacementMoments
 
 Expression = Any  # CasADi SX, MX or DM, or a number
 

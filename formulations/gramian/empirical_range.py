@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from .gramian.empirical import EPSILON
+from .empirical import EPSILON
 
 INTERVALS = 21  # of the trapezoid rule over the horizon: error 6e-4 of the largest entry over two thirds of a circle
 

@@ -9,8 +9,8 @@ from oracles import arc
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from formulations import manoeuvre_search as search
-from formulations.manoeuvre_search import (
+from formulations import beam_search as search
+from formulations.beam_search import (
     LOOKS,
     Ranging,
     Stages,
