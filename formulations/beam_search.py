@@ -1,49 +1,48 @@
-r"""Search for the manoeuvre after which AUVs know best where they are: beam search over constant turns, covariances predicted.
+"""Search for the manoeuvre after which AUVs know best where they are: beam search over constant turns, covariances predicted.
 
-State of an AUV: (east, north [m], heading [rad], speed through the water [m/s]). Over a stage of h seconds at heading ψ and speed V
-
-.. math:: P \leftarrow F P F^\top + Q h + (A Q + Q A^\top) \tfrac{h^2}{2} + A Q A^\top \tfrac{h^3}{3}, \quad F = I + A h,
-
-A having the columns (-V sin ψ, V cos ψ) and (cos ψ, sin ψ) of the heading and the speed; A² = 0 makes it exact. The heading's own variance
-stays as it is: the compass makes up for its drift. At the stage's end n ranges of variance σ² bring, along the line of sight u with
-v normal to it and d the distance,
-
-.. math:: P \leftarrow (P^{-1} + u u^\top / R)^{-1}, \quad R = \sigma^2 / n + \tfrac{3}{4} (v^\top P v / d)^2.
-
-The second term is the mean square of the range's second-order error, which the filter neglects and which repeated ranges share; it keeps
-the aid vehicle away from an AUV that is closer than it is sure of. (Jazwinski 1970, section 9.3: second-order filters.)
+Each stage of each sequence is a branching: what the last stage's ranges tell, the prediction, and what ranges at the end of each turn
+would tell (`formulations.model.covariance`). It is one Function, run as machine code where there is a compiler.
 """
 
 from collections.abc import Callable
-from functools import partial
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 from jaxtyping import Float, Int
+
+from .model.arcs import arcs, compose
+from .model.casadi import SX, Cases, symbol
+from .model.covariance import (
+    Ranging,
+    Tracks,
+    condition_on_range,
+    courses,
+    pack,
+    pack_array,
+    predict,
+    unpack,
+)
+from .model.schedule import Stages
 
 CRITERIA = ("trace", "log-det")
 LOOKS = np.arange(1, 9) / 8  # parts of a stage after which it is held against the constraints
 TINY = 1e-30  # [m^4]; a position known exactly has no logarithm
+HALF = 10  # entries of a packed covariance
+AUV = (  # what a branching is told of an AUV: where it is at the last ranges and the next, how it moves between them
+    *("x_before", "y_before", "x", "y", "cos", "sin", "speed"),
+    *("east_noise", "north_noise", "heading_noise", "speed_noise", "weight"),
+)
+ORIGIN = np.zeros(3)
+STAGE = ("duration", "share", "pings_before", "pings", "sigma")  # share: of the horizon
+UNROLLED = 500  # AUVs times turns, up to which the virtual machine runs a branching on scalars
 
 Look = Callable[[Int[np.ndarray, " n"]], Float[np.ndarray, " n"]]
 Violation = Callable[
     [Float[np.ndarray, "*batch T 2"], Float[np.ndarray, " T"]], Float[np.ndarray, "*batch T"]
 ]
-
-
-class Stages(NamedTuple):
-    """The horizon cut into stages, ranges coming at the end of each."""
-
-    duration: Float[np.ndarray, " S"]  # [s]
-    pings: Float[np.ndarray, " S"]  # number of ranges to each AUV
-
-
-class Tracks(NamedTuple):
-    """Where M AUVs are expected at the end of each stage, and how they move during it."""
-
-    position: Float[np.ndarray, "S M 2"]  # [m]
-    heading: Float[np.ndarray, "S M"]  # [rad]
-    speed: Float[np.ndarray, "S M"]  # through the water [m/s]
 
 
 class Manoeuvre(NamedTuple):
@@ -53,28 +52,6 @@ class Manoeuvre(NamedTuple):
     score: float  # the criterion [m^2], or [-] for log-det
     first_violation: float  # how far its first turn breaks a limit [m], at least 0
     violation: float  # how far the sequence does, at the points looked at [m], at least 0
-
-
-class Ranging(NamedTuple):
-    """How ranges err."""
-
-    sigma: float  # [m], of a squared range [m^2]
-    squared: bool = False
-
-
-def ping_stages(time: float, interval: float, horizon: float, count: int) -> Stages:
-    """Cut a horizon [s] into stages that end at pings, which come every ``interval`` [s] counted from time 0.
-
-    Pings farther apart than horizon / count make a stage each, the first one shorter; closer ones are counted together.
-    """
-    length = horizon / count
-    if interval <= length:
-        return Stages(np.full(count, length), np.full(count, length / interval))
-    first = interval - time % interval
-    first = (
-        interval if first < 1e-6 * interval else first
-    )  # rounding of a time that is itself a ping's
-    return Stages(np.concatenate([[first], np.full(count - 1, interval)]), np.ones(count))
 
 
 def turn_candidates(max_turn_rate: float, count: int) -> Float[np.ndarray, " K"]:
@@ -87,11 +64,45 @@ class _Beam(NamedTuple):
     """Sequences of turns under consideration."""
 
     pose: np.ndarray  # B x 3
-    covariance: np.ndarray  # B x M x 4 x 4
+    covariance: np.ndarray  # B x M x HALF, before the last stage's ranges
     cost: np.ndarray  # B
     first: np.ndarray  # B, how far the first turn itself breaks a limit [m]
     violation: np.ndarray  # B, how far the sequence does [m]
-    turns: np.ndarray  # B x stages so far
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Limits:
+    """What sequences are held against."""
+
+    violation: Violation | None
+    first_violation: np.ndarray  # K
+    turn_rates: np.ndarray  # K
+    speed: float
+
+    def best(
+        self, beam: _Beam, cost: np.ndarray, width: int, *, elapsed: float, duration: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The best of all sequences of the next stage; how far the first turns of these break a limit, and how far they do."""
+        each = len(self.turn_rates)
+        first, worst = (np.repeat(broken, each) for broken in (beam.first, beam.violation))
+        if elapsed == 0.0:
+            first = np.maximum(self.first_violation, 0.0)
+        keep, worst = _best(first, worst, cost, width, self._look(beam, elapsed, duration))
+        return keep, first[keep], worst[keep]
+
+    def _look(self, beam: _Beam, elapsed: float, duration: float) -> Look | None:
+        """How far the stage of some sequences breaks a limit, at the points looked at."""
+        violation = self.violation
+        if violation is None:
+            return None
+        times = duration * LOOKS
+
+        def look(these: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+            parent, turn = np.divmod(these, len(self.turn_rates))
+            along = arcs(beam.pose[parent], self.turn_rates[turn], self.speed, times)
+            return violation(along[..., :2], elapsed + times).max(axis=-1)
+
+        return look
 
 
 def search_manoeuvres(
@@ -136,85 +147,143 @@ def search_manoeuvres(
     -------
     The best sequence of the last beam; of equals the one that comes first, turning left.
     """
-    beam = _Beam(
-        pose[None], covariance[None], np.zeros(1), np.zeros(1), np.zeros(1), np.empty((1, 0))
+    turns = len(turn_rates)
+    branch = branching(len(weights), turns, ranging.squared, criterion)
+    told = _told(tracks, process_noise, weights, stages, turn_rates, speed, ranging)
+    first = np.zeros(turns) if first_violation is None else first_violation
+    limits = _Limits(violation=violation, first_violation=first, turn_rates=turn_rates, speed=speed)
+    limited = violation is not None or first_violation is not None
+    start = np.zeros(1)
+    beam, taken, elapsed = (
+        _Beam(pose[None], pack_array(covariance)[None], start, start, start),
+        [],
+        0.0,
     )
-    weights, elapsed, total = weights / weights.sum(), 0.0, stages.duration.sum()
-    for s, (duration, pings) in enumerate(zip(*stages, strict=True)):
-        now = Tracks(*(part[s] for part in tracks))
-        predicted = predict_covariance(beam.covariance, now, process_noise, float(duration))
-        poses = arcs(beam.pose[:, None], turn_rates, speed, np.array([duration]))[..., 0, :]
-        x = poses[..., None, :2] - now.position
-        known = _criterion(
-            range_update(predicted[:, None, :, :2, :2], x, ranging, float(pings)), criterion
-        )
-        cost = beam.cost[:, None] + known @ weights * (duration / total)
-        first, worst = (
-            np.broadcast_to(broken[:, None], cost.shape).ravel()
-            for broken in (beam.first, beam.violation)
-        )
-        if s == 0 and first_violation is not None:
-            first = np.maximum(first_violation, 0.0)
-        look = (
-            None
-            if violation is None
-            else partial(_broken, violation, beam.pose, turn_rates, speed, elapsed, float(duration))
-        )
-        keep, worst = _best(first, worst, cost.ravel(), beam_width, look)
-        parent, turn = np.divmod(keep, len(turn_rates))
-        turns = np.column_stack([beam.turns[parent], turn_rates[turn]])
-        updated = range_update(predicted[parent], x[parent, turn], ranging, float(pings))
-        beam = _Beam(
-            poses[parent, turn], updated, cost.ravel()[keep], first[keep], worst[keep], turns
-        )
-        elapsed += float(duration)
+    for now, duration in zip(told, stages.duration.tolist(), strict=True):
+        costs, poses, predicted = branch(beam.pose, beam.covariance, now)
+        cost = (beam.cost[:, None] + costs).ravel()
+        if limited:
+            keep, broken, worst = limits.best(
+                beam, cost, beam_width, elapsed=elapsed, duration=duration
+            )
+        else:
+            keep = _cheapest(cost, beam_width)
+            broken = worst = np.zeros(keep.size)
+        parent = keep // turns
+        taken.append((parent, keep - turns * parent))
+        covariance = predicted.reshape(-1, len(weights), HALF)[parent]
+        beam = _Beam(poses.reshape(-1, 3)[keep], covariance, cost[keep], broken, worst)
+        elapsed += duration
+    best = _followed_back(taken)
     return Manoeuvre(
-        beam.turns[0], float(beam.cost[0]), float(beam.first[0]), float(beam.violation[0])
+        turn_rates[best], float(beam.cost[0]), float(beam.first[0]), float(beam.violation[0])
     )
 
 
-def predict_covariance(
-    P: Float[np.ndarray, "B M 4 4"],
-    track: Tracks,
-    process_noise: Float[np.ndarray, "M 4"],
-    duration: float,
-) -> Float[np.ndarray, "B M 4 4"]:
-    """Covariances after a stage without ranges; see the module."""
-    A = np.zeros((len(process_noise), 4, 4))
-    cos, sin = np.cos(track.heading), np.sin(track.heading)
-    A[:, 0, 2], A[:, 1, 2], A[:, 0, 3], A[:, 1, 3] = -track.speed * sin, track.speed * cos, cos, sin
-    variance = process_noise**2 * [1.0, 1.0, 0.0, 1.0]
-    Q, At = variance[:, :, None] * np.eye(4), A.swapaxes(-1, -2)
-    F = np.eye(4) + A * duration
-    grown = Q * duration + (A @ Q + Q @ At) * (duration**2 / 2) + A @ Q @ At * (duration**3 / 3)
-    return F @ P @ F.swapaxes(-1, -2) + grown
+@lru_cache(maxsize=16)
+def branching(auvs: int, turns: int, squared: bool, criterion: str) -> Cases:
+    """One stage of one sequence, for many sequences.
 
+    (pose, packed covariances: HALF x M, told) -> (costs: K, poses: 3 x K, packed covariances: HALF x M)
 
-def range_update(
-    P: Float[np.ndarray, "*#batch n n"],
-    x: Float[np.ndarray, "*#batch 2"],
-    ranging: Ranging,
-    pings: float,
-) -> np.ndarray:
-    """Covariances after ranges from relative positions x [m]; a range from on top of an AUV tells nothing.
-
-    P may hold the whole state or, for what becomes of the position alone, its first two components.
+    ``told`` holds ``AUV`` of each, ``STAGE`` and the moves of the turns, 3 x K, one after the other.
     """
-    d2 = np.sum(x**2, axis=-1)
-    apart = d2 > 0
-    safe = np.where(apart, d2, 1.0)
-    u1, u2 = x[..., 0] / np.sqrt(safe), x[..., 1] / np.sqrt(safe)
-    Pu = P[..., 0] * u1[..., None] + P[..., 1] * u2[..., None]
-    trace, along = P[..., 0, 0] + P[..., 1, 1], u1 * Pu[..., 0] + u2 * Pu[..., 1]
-    if ranging.squared:  # the error left out is the squared length of a Gaussian vector, (tr P)^2 + 2 tr P^2 in the mean of its square
-        second = trace**2 + 2 * (P[..., 0, 0] ** 2 + 2 * P[..., 0, 1] ** 2 + P[..., 1, 1] ** 2)
-        R = (ranging.sigma**2 / pings + second) / (4 * safe)
+    sizes = {"pose": (3, 1), "P": (HALF, auvs), "told": (sum(_sizes(auvs, turns)), 1)}
+    pose, P, told = (ca.MX.sym(name, *size) for name, size in sizes.items())  # pyright: ignore[reportArgumentType, reportCallIssue]
+    auv, stage, moves = ca.vertsplit(told, np.cumsum([0, *_sizes(auvs, turns)]).tolist())
+    auv, moves = ca.reshape(auv, len(AUV), auvs), ca.reshape(moves, 3, turns)
+    poses = _composed(turns)(pose, moves)
+    repeated = [ca.repmat(part, 1, auvs) for part in (pose, poses, stage)]
+    known, predicted = _branching_of_one(turns, squared, criterion).map(auvs)(P, auv, *repeated)
+    costs = stage[STAGE.index("share")] * (known @ auv[AUV.index("weight"), :].T)
+    function = ca.Function("branching", [pose, P, told], [costs, poses, predicted])
+    return Cases(function, scalars=auvs * turns <= UNROLLED)
+
+
+def _sizes(auvs: int, turns: int) -> tuple[int, int, int]:
+    """Of the parts of what a branching is told."""
+    return len(AUV) * auvs, len(STAGE), 3 * turns
+
+
+def _branching_of_one(turns: int, squared: bool, criterion: str) -> ca.Function:
+    """The same of one AUV: (covariance, AUV, pose, poses: 3 x K, STAGE) -> (criterion after each turn: K, covariance)."""
+    P, auv, stage = symbol("P", HALF), symbol("auv", len(AUV)), symbol("stage", len(STAGE))
+    pose, poses = symbol("pose", 3), symbol("poses", 3, turns)
+    duration, _, last_pings, pings, sigma = ca.vertsplit(stage)
+    before, there, course, noise, _ = ca.vertsplit(auv, [0, 2, 4, 7, 11, 12])
+    begun = condition_on_range(
+        unpack(P), pose[:2] - before, sigma=sigma, pings=last_pings, squared=squared
+    )
+    predicted = predict(begun, course, noise, duration)
+    known = []
+    for k in range(turns):
+        x = poses[:2, k] - there
+        after = condition_on_range(predicted[:2, :2], x, sigma=sigma, pings=pings, squared=squared)
+        known.append(_criterion(after, criterion))
+    outputs = [ca.vertcat(*known), pack(predicted)]
+    return ca.Function("of_one", [P, auv, pose, poses, stage], outputs)
+
+
+@lru_cache(maxsize=16)
+def _composed(turns: int) -> ca.Function:
+    pose, moves = symbol("pose", 3), symbol("moves", 3, turns)
+    return ca.Function("composed", [pose, moves], [compose(pose, moves)])
+
+
+def _criterion(P: SX, name: str) -> SX:
+    """Trace or log det of the position covariance."""
+    if name == "trace":
+        return P[0, 0] + P[1, 1]
+    return ca.log(ca.fmax(P[0, 0] * P[1, 1] - P[0, 1] ** 2, TINY))
+
+
+def _told(
+    tracks: Tracks,
+    process_noise: Float[np.ndarray, "M 4"],
+    weights: Float[np.ndarray, " M"],
+    stages: Stages,
+    turn_rates: Float[np.ndarray, " K"],
+    speed: float,
+    ranging: Ranging,
+) -> Float[np.ndarray, "S n"]:
+    """What a branching is told at each stage; see `branching`."""
+    S, M = tracks.heading.shape
+    sizes = _sizes(M, len(turn_rates))
+    told = np.empty((S, sum(sizes)))
+    auv, stage, moves = np.split(told, np.cumsum(sizes[:-1]), axis=1)
+    auv = auv.reshape(S, M, len(AUV))
+    auv[0, :, :2] = 0.0  # no ranges before the first stage
+    auv[1:, :, :2] = tracks.position[:-1]
+    auv[..., 2:4] = tracks.position
+    auv[..., 4:7] = courses(tracks.heading, tracks.speed)
+    auv[..., 7:11] = process_noise
+    auv[..., 11] = weights / weights.sum()
+    stage[:, 0] = stages.duration
+    stage[:, 1] = stages.duration / stages.duration.sum()
+    stage[0, 2], stage[1:, 2] = 0.0, stages.pings[:-1]
+    stage[:, 3] = stages.pings
+    stage[:, 4] = ranging.sigma
+    moves.reshape(S, -1, 3)[...] = arcs(ORIGIN, turn_rates, speed, stages.duration).swapaxes(0, 1)
+    return told
+
+
+def _cheapest(cost: Float[np.ndarray, " n"], count: int) -> Int[np.ndarray, " some"]:
+    """The cheapest sequences, the cheapest first; of equals those that come first."""
+    if count < cost.size:
+        bound = np.partition(cost, count - 1)[count - 1]
+        among = np.flatnonzero(~(cost > bound))  # what is no number counts as dearest
     else:
-        R = (
-            ranging.sigma**2 / pings + 0.75 * (trace - along) ** 2 / safe
-        )  # trace - along: the variance across
-    gain = np.where(apart, 1.0 / (R + along), 0.0)
-    return P - gain[..., None, None] * Pu[..., :, None] * Pu[..., None, :]
+        among = np.arange(cost.size)
+    return among[np.argsort(cost[among], kind="stable")[:count]]
+
+
+def _followed_back(taken: list[tuple[np.ndarray, np.ndarray]]) -> list[int]:
+    """Turns of the first sequence of the last beam, from the parents and turns of each stage's."""
+    turns, k = [], 0
+    for parent, turn in reversed(taken):
+        turns.append(int(turn[k]))
+        k = parent[k]
+    return turns[::-1]
 
 
 def _best(
@@ -235,39 +304,3 @@ def _best(
         if np.sum((first[seen] == first[order[0]]) & (worst[seen] == 0)) >= count:
             break  # whatever comes later costs more, or breaks more
     return seen[np.lexsort((cost[seen], worst[seen], first[seen]))[:count]], worst
-
-
-def _broken(
-    violation: Violation,
-    pose: Float[np.ndarray, "B 3"],
-    turn_rates: Float[np.ndarray, " K"],
-    speed: float,
-    elapsed: float,
-    duration: float,
-    these: Int[np.ndarray, " n"],
-) -> Float[np.ndarray, " n"]:
-    """How far the stage of some sequences breaks a limit, at the points looked at."""
-    parent, turn = np.divmod(these, len(turn_rates))
-    along = arcs(pose[parent], turn_rates[turn], speed, duration * LOOKS)
-    return violation(along[..., :2], elapsed + duration * LOOKS).max(axis=-1)
-
-
-def arcs(
-    pose: Float[np.ndarray, "*#batch 3"],
-    turn_rates: Float[np.ndarray, "*#batch"],
-    speed: float,
-    times: Float[np.ndarray, " T"],
-) -> Float[np.ndarray, "*batch T 3"]:
-    """Poses (east, north [m], heading [rad]) after turns [rad/s] were held at a speed [m/s] for times [s]."""
-    half = 0.5 * turn_rates[..., None] * times
-    heading = pose[..., None, 2] + half
-    chord = speed * times * np.sinc(half / np.pi)
-    steps = np.stack([chord * np.cos(heading), chord * np.sin(heading)], axis=-1)
-    return np.concatenate([pose[..., None, :2] + steps, (heading + half)[..., None]], axis=-1)
-
-
-def _criterion(P: np.ndarray, name: str) -> np.ndarray:
-    """Trace or log det of the position covariance."""
-    if name == "trace":
-        return P[..., 0, 0] + P[..., 1, 1]
-    return np.log(np.maximum(P[..., 0, 0] * P[..., 1, 1] - P[..., 0, 1] ** 2, TINY))

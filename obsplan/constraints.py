@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from formulations.beam_search import arcs
+from formulations.model.arcs import arcs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

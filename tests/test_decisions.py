@@ -25,11 +25,13 @@ PINGS = 2.5  # times between ranges that a flight lasts at least
 DIGITS = {"turn_rate": 12, "speed": 12, "score": 9}  # significant ones that are recorded
 CLOSE = 1e-9  # of the greatest turn rate and of the speed: what rounding leaves of a decision in closed loop
 CLOSE_SCORE = 1e-7  # of a score: condition numbers keep half of their digits
+EPS = 2.0**-52
 FOUND = 1e-6  # of the same, where a solver ends at optimality conditions of 1e-8
 DESCENDED = 1e-3  # of the same, where a descent ends as soon as its objective falls by less than 1e-8 a step
 SEARCHED = {"trajectory": (), "whole-mission": ("planner.starts=3",)}  # settings of costly planners
 UNTIED = {  # a search finds mirror images equally good
-    "fixed-formation": ("cna.start.heading_deg=80.0",)
+    "fixed-formation": ("cna.start.heading_deg=80.0",),
+    "mobile-formation": ("cna.start.heading_deg=80.0",),
 }
 FLAT = [  # the descent along the fence ends early, where depends on the last digits
     ("suite/narrow-geofence", "whole-mission")
@@ -133,6 +135,8 @@ def test_flight_decides_as_recorded(scenario, planner, settings, recorded):
     values, cna = flown(scenario, planner, settings)
     for name, tolerance in tolerances(planner, cna).items():
         was = np.array(before[name], dtype=float)
+        if name == "score":  # a condition number's relative error grows with itself
+            tolerance["rtol"] = tolerance["rtol"] + EPS * np.where(np.isfinite(was), np.abs(was), 0)
         same = np.isclose(values[name], was, equal_nan=True, **tolerance)
         assert same.all(), (
             f"{scenario} under {planner}: {name} of recorded decision {np.argmin(same)} "
