@@ -17,33 +17,33 @@ _HOME = {
     "circle_center": "path_inertia",
     "condition_number": "metrics",
     "curvature_condition_number": "path_inertia",
-    "displacement_moments": "range_gramian",
+    "displacement_moments": "gramian.range",
     "empirical_gramian": "gramian",
     "exact_gramian": "gramian",
-    "gramian_entries": "range_gramian",
+    "gramian_entries": "gramian.range",
     "inertia_condition_number": "path_inertia",
     "lateral_offset": "path_inertia",
     "log_det": "metrics",
     "longitudinal_offset": "path_inertia",
     "path_inertia_curvature": "path_inertia",
     "path_inertia_radius": "path_inertia",
-    "InformationBound": "information",
-    "information_bound": "information",
-    "path_information": "information",
-    "position_rms": "information",
+    "InformationBound": "cramer_rao",
+    "information_bound": "cramer_rao",
+    "path_information": "cramer_rao",
+    "position_rms": "cramer_rao",
     "position_schur_complement": "metrics",
-    "position_schur_expression": "metric_expressions",
-    "posterior_cramer_rao": "information",
+    "position_schur_expression": "metrics",
+    "posterior_cramer_rao": "cramer_rao",
     "quadrature_weights": "gramian",
     "radius_threshold": "path_inertia",
-    "range_gramian_function": "range_gramian",
-    "range_gramians": "range_gramian",
-    "range_information": "information",
-    "range_score_expression": "range_gramian",
+    "range_gramian_function": "gramian.range",
+    "range_gramians": "gramian.range",
+    "range_information": "cramer_rao",
+    "range_score_expression": "gramian.range",
     "score": "metrics",
-    "score_expression": "metric_expressions",
+    "score_expression": "metrics",
     "smallest_eigenvalue": "metrics",
-    "squared_range_information": "information",
+    "squared_range_information": "cramer_rao",
     "trace_inverse": "metrics",
     "unobservability_index": "metrics",
     "unobservable_direction": "metrics",
@@ -60,17 +60,22 @@ _HOME = {
 }
 
 if TYPE_CHECKING:
+    from formulations.cramer_rao import InformationBound as InformationBound
+    from formulations.cramer_rao import information_bound as information_bound
+    from formulations.cramer_rao import path_information as path_information
+    from formulations.cramer_rao import position_rms as position_rms
+    from formulations.cramer_rao import posterior_cramer_rao as posterior_cramer_rao
+    from formulations.cramer_rao import range_information as range_information
+    from formulations.cramer_rao import squared_range_information as squared_range_information
     from formulations.gramian import ExactGramian as ExactGramian
     from formulations.gramian import empirical_gramian as empirical_gramian
     from formulations.gramian import exact_gramian as exact_gramian
     from formulations.gramian import quadrature_weights as quadrature_weights
-    from formulations.information import InformationBound as InformationBound
-    from formulations.information import information_bound as information_bound
-    from formulations.information import path_information as path_information
-    from formulations.information import position_rms as position_rms
-    from formulations.information import posterior_cramer_rao as posterior_cramer_rao
-    from formulations.information import range_information as range_information
-    from formulations.information import squared_range_information as squared_range_information
+    from formulations.gramian.range import displacement_moments as displacement_moments
+    from formulations.gramian.range import gramian_entries as gramian_entries
+    from formulations.gramian.range import range_gramian_function as range_gramian_function
+    from formulations.gramian.range import range_gramians as range_gramians
+    from formulations.gramian.range import range_score_expression as range_score_expression
     from formulations.ltv import CircleVerdict as CircleVerdict
     from formulations.ltv import circle_gramian as circle_gramian
     from formulations.ltv import fixed_auv_rate as fixed_auv_rate
@@ -81,16 +86,14 @@ if TYPE_CHECKING:
     from formulations.ltv import transition_matrix as transition_matrix
     from formulations.ltv import unobservable_subspace as unobservable_subspace
     from formulations.ltv import validate_circle as validate_circle
-    from formulations.metric_expressions import (
-        position_schur_expression as position_schur_expression,
-    )
-    from formulations.metric_expressions import score_expression as score_expression
     from formulations.metrics import METRICS as METRICS
     from formulations.metrics import blend as blend
     from formulations.metrics import condition_number as condition_number
     from formulations.metrics import log_det as log_det
     from formulations.metrics import position_schur_complement as position_schur_complement
+    from formulations.metrics import position_schur_expression as position_schur_expression
     from formulations.metrics import score as score
+    from formulations.metrics import score_expression as score_expression
     from formulations.metrics import smallest_eigenvalue as smallest_eigenvalue
     from formulations.metrics import trace_inverse as trace_inverse
     from formulations.metrics import unobservability_index as unobservability_index
@@ -104,13 +107,9 @@ if TYPE_CHECKING:
     from formulations.path_inertia import path_inertia_curvature as path_inertia_curvature
     from formulations.path_inertia import path_inertia_radius as path_inertia_radius
     from formulations.path_inertia import radius_threshold as radius_threshold
-    from formulations.range_gramian import displacement_moments as displacement_moments
-    from formulations.range_gramian import gramian_entries as gramian_entries
-    from formulations.range_gramian import range_gramian_function as range_gramian_function
-    from formulations.range_gramian import range_gramians as range_gramians
-    from formulations.range_gramian import range_score_expression as range_score_expression
     from formulations.solution import Solution as Solution
     from formulations.solution import Status as Status
+
 else:  # hidden from type checkers, which would take any misspelt name for one that loads
     __all__ = sorted(_HOME)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from formulations.manoeuvre_search import arcs
+from formulations.model.arcs import arcs
 from obsplan.types import Points, as_points
 
 CORNERS = 32  # of the polygon that stands for a disc where only straight edges will do

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from formulations.consistency import effective_samples
-from formulations.information import (
+from formulations.cramer_rao import (
     InformationBound,
     information_bound,
     position_rms,

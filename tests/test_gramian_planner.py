@@ -9,8 +9,8 @@ from oracles import AGGREGATES, METRICS, arc, scenario
 from scipy.integrate import quad_vec
 
 import obsplan as op
-from formulations.ping_moments import ping_moments
-from formulations.range_gramian import displacement_moments
+from formulations.gramian.pings import ping_moments
+from formulations.gramian.range import displacement_moments
 from formulations.solution import Status
 from obsplan.constraints import Constraints, Disc
 

@@ -6,7 +6,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from formulations.information import (
+from formulations.cramer_rao import (
     _Allocation,
     information_bound,
     position_rms,

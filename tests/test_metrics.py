@@ -5,8 +5,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formulations import metrics
-from formulations.metric_expressions import position_schur_expression, score_expression
-from formulations.metrics import METRICS, position_schur_complement, score, unobservable_direction
+from formulations.metrics import (
+    METRICS,
+    position_schur_complement,
+    position_schur_expression,
+    score,
+    score_expression,
+    unobservable_direction,
+)
 
 EPS = np.finfo(float).eps
 every_metric = pytest.mark.parametrize("name", list(METRICS))

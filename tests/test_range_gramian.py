@@ -3,19 +3,19 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from formulations.gramian.range import (
+    displacement_moments,
+    gramian_entries,
+    range_gramian_function,
+    range_gramians,
+    range_score_expression,
+)
 from formulations.metrics import (
     METRICS,
     condition_number,
     position_schur_complement,
     score,
     smallest_eigenvalue,
-)
-from formulations.range_gramian import (
-    displacement_moments,
-    gramian_entries,
-    range_gramian_function,
-    range_gramians,
-    range_score_expression,
 )
 
 HORIZON = 2 * np.pi / 3  # two thirds of the smallest circle at 1 m/s, 0.5 m

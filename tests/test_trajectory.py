@@ -10,7 +10,7 @@ from scipy.integrate import quad_vec
 from scipy.linalg import expm
 from scipy.optimize import minimize
 
-from formulations.manoeuvre_search import Ranging
+from formulations.model.covariance import Ranging
 from formulations.solution import Status
 from formulations.trajectory import Controls, Limits, Task, convex_areas, optimise
 from formulations.trajectory.ladder import TOLERANCE

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from oracles import arc
 
-from formulations.manoeuvre_search import Ranging
+from formulations.model.covariance import Ranging
 from formulations.solution import Status
 from formulations.whole_mission import Mission, optimise
 from formulations.whole_mission.covariance import PredictedVariance

@@ -10,7 +10,7 @@ from oracles import Silent, arc, recording, scenario
 import obsplan as op
 from obsplan.constraints import Constraints, Disc
 from obsplan.planners.limits import SURE
-from obsplan.planners.whole_mission import Frame, Limits
+from obsplan.planners.whole_mission import Limits, frame_at
 
 RNG = np.random.default_rng
 
@@ -161,7 +161,7 @@ def limits_of(constraints, **filed):
     """What the planner takes for a violation, in the vehicle's frame at the origin; no AUV strays."""
     planner = small().planner()
     known = replace(planner.filed, process_noise=np.zeros((2, 4)), **filed)
-    frame = Frame.of(op.Pose(0.0, 0.0, 0.0), known)
+    frame = frame_at(op.Pose(0.0, 0.0, 0.0), known)
     return frame, Limits(replace(planner, filed=known, constraints=constraints), frame, 0)
 
 
@@ -183,7 +183,7 @@ def test_vehicles_that_pass_each_other_between_samples_are_noticed():
     westward = np.stack(
         [-2.0 * (time - 10.25), np.zeros(81)], axis=-1
     )  # both at the origin at 10.25 s
-    assert violation(frame.seen(westward), time).max() >= 1.3 - 1e-9
+    assert violation(frame.directions(westward), time).max() >= 1.3 - 1e-9
 
 
 def seen_from(filed, pose, angle, mirror):

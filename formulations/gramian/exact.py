@@ -3,13 +3,14 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
+from ..model.casadi import evaluate, mapped
 from .samples import quadrature_weights, whitening_matrix
 
 UNROLLED_INSTRUCTIONS = 500_000  # up to here the horizon is one straight-line function: twice as fast, and built in 0.2 s
@@ -274,7 +275,8 @@ class ExactGramian:
         rows = self.function.size1_out(output)
         result = np.empty((count, n, rows))  # CasADi stores columns: each case comes out transposed
         if count:
-            _run(self.function, count, [*cases, *shared], self.function.index_out(output), result)
+            wanted = [result if name == output else None for name in self.function.name_out()]
+            evaluate(mapped(self.function, count), [*cases, *shared], wanted)
         # The inputs are asked as well: an entry that does not depend on them would stay finite.
         finite = np.isfinite(t0) & np.logical_and.reduce(
             [np.isfinite(a).all(axis=1) for a in (*cases, result.reshape(count, n * rows))]
@@ -308,20 +310,3 @@ def _cases(
         )
     except ValueError:
         raise ValueError(f"{name} must broadcast to {batch + core}, got {value.shape}") from None
-
-
-@lru_cache(maxsize=64)
-def _mapped(function: ca.Function, count: int) -> ca.Function:
-    """Return the function over ``count`` cases side by side; kept, because building it takes longer than calling it."""
-    return function if count == 1 else function.map(count)
-
-
-def _run(
-    function: ca.Function, count: int, arguments: list[np.ndarray], index: int, result: np.ndarray
-) -> None:
-    """Evaluate all cases into ``result``. The buffer belongs to this call alone, so threads may share the function."""
-    buffer, evaluate = _mapped(function, count).buffer()
-    for i, argument in enumerate(arguments):
-        buffer.set_arg(i, argument.data)  # pyright: ignore[reportCallIssue]  (CasADi's own signature is wrong)
-    buffer.set_res(index, result.data)  # pyright: ignore[reportCallIssue]
-    evaluate()

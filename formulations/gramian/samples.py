@@ -5,6 +5,8 @@ import math
 import numpy as np
 from jaxtyping import Float
 
+from ..model.quadrature import MIDDLE
+
 RULES = ("left", "trapezoid", "simpson", "sum")
 
 
@@ -41,7 +43,7 @@ def _simpson(intervals: int) -> Float[np.ndarray, " samples"]:
     weights = np.zeros(intervals + 1)
     even = intervals - 3 * (intervals % 2)
     for first in range(0, even, 2):
-        weights[first : first + 3] += np.array([1, 4, 1]) / 3
+        weights[first : first + 3] += 2 * MIDDLE
     if intervals % 2:
         weights[even:] += np.array([1, 3, 3, 1]) * (3 / 8)
     return weights

@@ -12,6 +12,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import ConvexHull
 
+from ..model.frames import Frame
+
 FLAT = 1e-9  # of a fence: a corner this near to its hull is on it
 
 
@@ -61,15 +63,14 @@ def _pockets(corners: Float[np.ndarray, "n 2"]) -> list[Float[np.ndarray, "_ 2"]
     ]
 
 
-def in_frame(areas: Areas, origin: Float[np.ndarray, "2"], heading: float, length: float) -> Areas:
-    """The same areas seen from a pose, in multiples of a length."""
-    c, s = np.cos(heading), np.sin(heading)
-    turn = np.array([[c, -s], [s, c]])  # a row vector times this is turned by minus the heading
+def in_frame(areas: Areas, frame: Frame) -> Areas:
+    """The same areas in a frame."""
 
     def moved(lines: np.ndarray) -> np.ndarray:
-        return np.column_stack(
-            [lines[:, :2] @ turn, (lines[:, 2] - lines[:, :2] @ origin) / length]
-        )
+        normals, offsets = lines[:, :2], lines[:, 2]
+        seen = (offsets - normals @ frame.origin) / frame.length
+        return np.column_stack([frame.directions(normals), seen])
 
-    discs = np.column_stack([(areas.discs[:, :2] - origin) @ turn, areas.discs[:, 2]]) / [length]
+    centers, radii = areas.discs[:, :2], areas.discs[:, 2]
+    discs = np.column_stack([frame.positions(centers), radii / frame.length])
     return Areas(discs, tuple(moved(lines) for lines in areas.keep_outs), moved(areas.fence))

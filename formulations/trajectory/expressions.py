@@ -4,26 +4,26 @@ States are the pose, the turn rate held before where its change is limited, and 
 
 - AUVs at rest: the moments ∫(p, p pᵀ) of the aid vehicle's own position, which every AUV's Gramian is a polynomial of;
 - AUVs that move: ∫ p pᵀ of the position relative to each;
-- ``covariance``: the upper triangle of each AUV's 4 x 4 covariance.
+- ``covariance``: the packed lower triangle of each AUV's 4 x 4 covariance.
 
 Controls are the turn rate, the speed where it is free, and the slack by which the limits are softened. Parameters are named blocks: of the
 whole task (``g``) and of each stage (``s``).
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from ..metrics import EPS
+from ..model.arcs import arc
+from ..model.casadi import SX, symbol
+from ..model.covariance import condition_on_range, pack, predict, unpack
+from ..model.quadrature import MIDDLE
 
-SERIES_TERMS = 9  # of sinc below 1: the last is 1/17! = 3e-15
 EIGENVALUE_GAP = 1e-3  # relative; rounds off the smallest eigenvalue where both are equal
-CLOSE = 1e-6  # of a stage's way: a range from closer tells nothing
-TRIANGLE = [(i, j) for j in range(4) for i in range(j + 1)]
-
-SX = Any
+PACKED = 10  # entries of a packed covariance
 
 
 class Shape(NamedTuple):
@@ -52,7 +52,7 @@ class Shape(NamedTuple):
     def accumulated(self) -> int:
         """Number of the objective's states."""
         if self.objective == "covariance":
-            return len(TRIANGLE) * self.auvs
+            return PACKED * self.auvs
         return 3 * self.auvs if self.moving else 5
 
 
@@ -66,11 +66,8 @@ def task_blocks(shape: Shape) -> dict[str, tuple[int, int]]:
         "radius": (1, 1),  # smallest, of a turn
         "slack_weight": (1, int(shape.limited)),
         "noise": (4, shape.auvs if covariance else 0),  # standard deviations
-        "variance": (1, int(covariance)),  # of a range
-        "excess": (
-            1,
-            int(covariance),
-        ),  # unit of covariance, of its square in the second-order error
+        "sigma": (1, int(covariance)),  # of a range
+        "unit": (1, int(covariance)),  # of covariance
         "at_rest": (2, 0 if covariance or shape.moving else shape.auvs),
         "time": (1, int(not covariance)),
         "floor": (2, 0 if covariance else shape.auvs),  # of determinant and trace
@@ -116,32 +113,12 @@ def stage_blocks(shape: Shape) -> dict[str, tuple[int, int]]:
 def symbols(blocks: dict[str, tuple[int, int]], name: str) -> tuple[SX, dict[str, SX]]:
     """One column of symbols, and the blocks it is made of."""
     sizes = [rows * cols for rows, cols in blocks.values()]
-    column = ca.SX.sym(name, sum(sizes))  # pyright: ignore[reportArgumentType, reportCallIssue]
+    column = symbol(name, sum(sizes))
     parts = ca.vertsplit(column, [0, *np.cumsum(sizes).tolist()])
     return column, {
         key: ca.reshape(part, *size)
         for (key, size), part in zip(blocks.items(), parts, strict=True)
     }
-
-
-def sinc(z: SX) -> SX:
-    """Return sin(z)/z with derivatives that keep their digits at 0."""
-    short, series = ca.fabs(z) < 1.0, ca.SX(1.0)
-    for n in range(SERIES_TERMS - 1, 0, -1):  # Horner: each operation is differentiated twice
-        series = 1 - z**2 / (2 * n * (2 * n + 1)) * series
-    far = ca.if_else(short, 1.0, z)
-    return ca.if_else(short, series, ca.sin(far) / far)
-
-
-def arc(pose: SX, turn_rate: SX, speed: SX, duration: SX) -> SX:
-    """Pose after an exact arc."""
-    half = 0.5 * turn_rate * duration
-    chord = speed * duration * sinc(half)
-    return ca.vertcat(
-        pose[0] + chord * ca.cos(pose[2] + half),
-        pose[1] + chord * ca.sin(pose[2] + half),
-        pose[2] + 2 * half,
-    )
 
 
 def moved(x: SX, u: SX, shape: Shape, duration: SX) -> tuple[SX, SX, SX]:
@@ -172,69 +149,32 @@ def _moments(
         return ca.vec(ca.vertcat(p[0, :] ** 2, p[0, :] * p[1, :], p[1, :] ** 2))
 
     f0, f1, f2 = (integrand(pose, at) for at, pose in enumerate(poses))
-    return z + s["duration"] / 6 * (f0 + 4 * f1 + f2)
+    first, middle, last = MIDDLE.tolist()
+    return z + s["duration"] * (first * f0 + middle * f1 + last * f2)
 
 
 def _covariances(
     z: SX, poses: tuple[SX, SX, SX], s: dict[str, SX], g: dict[str, SX], shape: Shape
 ) -> SX:
-    """Predict each AUV's covariance over a stage and update it by the ranges at its end, as `formulations.manoeuvre_search` does."""
+    """Predict each AUV's covariance over a stage and condition it on the ranges at its end; in units of ``unit``."""
     after = []
-    for i, packed in enumerate(ca.vertsplit(z, len(TRIANGLE))):
-        P = _predicted(unpacked(packed), s["course"][:, i], g["noise"][:, i] ** 2, s["duration"])
-        P = _updated(
-            P,
-            poses[2][:2] - s["there"][:, i],
-            s["pings"],
-            g["variance"],
-            g["excess"],
-            squared=shape.squared,
+    for i, packed in enumerate(ca.vertsplit(z, PACKED)):
+        P = predict(unpack(packed), s["course"][:, i], g["noise"][:, i], s["duration"])
+        x = poses[2][:2] - s["there"][:, i]
+        known = condition_on_range(
+            g["unit"] * P, x, sigma=g["sigma"], pings=s["pings"], squared=shape.squared
         )
-        after.append(ca.vertcat(*(P[i, j] for i, j in TRIANGLE)))
+        after.append(pack(known) / g["unit"])
     return ca.vertcat(*after)
-
-
-def unpacked(z: SX) -> SX:
-    """Symmetric matrix of its upper triangle by columns."""
-    P = ca.SX(4, 4)
-    for k, (i, j) in enumerate(TRIANGLE):
-        P[i, j] = P[j, i] = z[k]
-    return P
-
-
-def _predicted(P: SX, course: SX, q: SX, h: SX) -> SX:
-    A = ca.SX(4, 4)
-    A[0, 2], A[1, 2], A[0, 3], A[1, 3] = (
-        -course[2] * course[1],
-        course[2] * course[0],
-        course[0],
-        course[1],
-    )
-    Q, F = ca.diag(ca.vertcat(q[0], q[1], 0, q[3])), ca.SX.eye(4) + A * h
-    return F @ P @ F.T + Q * h + (A @ Q + Q @ A.T) * (h**2 / 2) + A @ Q @ A.T * (h**3 / 3)
-
-
-def _updated(P: SX, x: SX, pings: SX, variance: SX, excess: SX, *, squared: bool) -> SX:
-    """The ranges' update with numerator and denominator times the squared distance, so that no line of sight has to be formed."""
-    d2 = ca.sumsqr(x) + CLOSE**2
-    y = ca.vertcat(-x[1], x[0])
-    Px = P[:, :2] @ x
-    along, across = ca.dot(x, Px[:2]), ca.dot(y, P[:2, :2] @ y)
-    if squared:
-        second = (P[0, 0] + P[1, 1]) ** 2 + 2 * ca.sumsqr(P[:2, :2])
-        noise = (variance + pings * excess * second) / 4
-    else:
-        noise = variance * d2 + pings * excess * 0.75 * across**2 / d2**2
-    return P - pings / (noise + pings * along) * Px @ Px.T
 
 
 def running_cost(x: SX, share: SX, g: dict[str, SX], shape: Shape) -> SX:
     """What the state at a stage's end costs; ``share`` is the stage's of the horizon."""
     if shape.objective != "covariance":
         return ca.SX(0.0)
-    diagonal = [TRIANGLE.index((0, 0)), TRIANGLE.index((1, 1))]
-    parts = ca.vertsplit(x[3 + shape.slew :], len(TRIANGLE))
-    return share * sum(g["weight"][i] * ca.sum1(P[diagonal]) for i, P in enumerate(parts))
+    parts = ca.vertsplit(x[3 + shape.slew :], PACKED)
+    traces = [ca.trace(unpack(packed)[:2, :2]) for packed in parts]
+    return share * sum(g["weight"][i] * trace for i, trace in enumerate(traces))
 
 
 def final_cost(x: SX, g: dict[str, SX], shape: Shape) -> SX:

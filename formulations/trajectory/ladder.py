@@ -14,13 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..manoeuvre_search import Violation
+from ..beam_search import Violation
 from ..solution import Status
 from .manoeuvres import manoeuvres
 from .parameters import chosen, setting
 from .program import Controls, program
 from .rollout import Path, condition_numbers, follow, gramians, ramped, scores
-from .task import Task, in_body_frame
+from .task import Task, frame_of, in_body_frame
 
 TOLERANCE = 1e-5  # by which a limit may be broken [m]
 WORSE = 1e-6  # by which a score may be worse, of its unit or of itself: what solvers leave of an optimum they were given
@@ -227,8 +227,7 @@ def _judged(
 
 def _world(task: Task, path: Path) -> Path:
     """A path in SI units and world axes."""
-    c, s = np.cos(task.pose[2]), np.sin(task.pose[2])
-    xy = task.pose[:2] + task.length * path.poses[..., :2] @ np.array([[c, s], [-s, c]])
+    xy = frame_of(task).world(path.poses[..., :2])
     return Path(
         np.concatenate([xy, path.poses[..., 2:] + task.pose[2]], axis=-1), path.times * task.time
     )
@@ -239,11 +238,10 @@ def _positions(search: Search) -> Violation | None:
     if search.limits is None:
         return None
     task, along = search.world, search.limits.along
-    c, s = np.cos(task.pose[2]), np.sin(task.pose[2])
-    turn = np.array([[c, s], [-s, c]])
+    frame = frame_of(task)
 
     def violation(positions: np.ndarray, times: np.ndarray) -> np.ndarray:
-        flat = task.pose[:2] + task.length * positions.reshape(-1, len(times), 2) @ turn
+        flat = frame.world(positions.reshape(-1, len(times), 2))
         return along(flat, times * task.time).reshape(positions.shape[:-1]) / task.length
 
     return violation

@@ -5,7 +5,9 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float
 
-from ..manoeuvre_search import Stages, Tracks, Violation, search_manoeuvres, turn_candidates
+from ..beam_search import Violation, search_manoeuvres, turn_candidates
+from ..model.covariance import Tracks
+from ..model.schedule import Stages
 from .program import Controls
 from .rollout import ramped
 from .task import Task
@@ -13,7 +15,6 @@ from .task import Task
 CONSTANT = 21  # turns held over the horizon
 PAIRED = 7  # turns held over half of it, each followed by each
 BRANCHES, LEVELS, BEAM = 7, 5, 16  # of the search for covariances
-NO_PING = 1e-9  # ranges, which tell it nothing
 
 
 def manoeuvres(
@@ -65,9 +66,7 @@ def _searched(task: Task, violation: Violation | None) -> Float[np.ndarray, " N"
         ),
         process_noise=task.process_noise,
         weights=task.weights,
-        stages=Stages(
-            duration, np.array([max(task.pings[group].sum(), NO_PING) for group in groups])
-        ),
+        stages=Stages(duration, np.array([task.pings[group].sum() for group in groups])),
         turn_rates=turn_candidates(task.speed[1] / task.min_turn_radius, BRANCHES),
         speed=task.speed[1],
         ranging=task.ranging,

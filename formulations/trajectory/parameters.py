@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from .expressions import TRIANGLE, Shape, stage_blocks, task_blocks
+from ..model.covariance import pack_array
+from .expressions import Shape, stage_blocks, task_blocks
 from .program import Controls
 from .rollout import Path, follow, gramians, scores
 from .task import Task
@@ -121,8 +122,7 @@ def _of_task(
     """Blocks of the task, each by columns."""
     blocks = {"start": np.zeros(shape.accumulated)}
     if shape.objective == "covariance":
-        rows, cols = np.transpose(TRIANGLE)
-        blocks["start"] = heard.covariance[:, rows, cols].ravel() / unit
+        blocks["start"] = pack_array(heard.covariance).ravel() / unit
         floor = np.empty((0, 2))
     else:
         W = gramians(heard, path)[0]
@@ -137,10 +137,8 @@ def _of_task(
         "radius": np.array(task.min_turn_radius),
         "slack_weight": np.array(SLACK_WEIGHT),
         "noise": heard.process_noise / np.sqrt(unit),
-        "variance": np.array(
-            max(task.ranging.sigma**2, SHARP * unit * _square_range(heard, path)) / unit
-        ),
-        "excess": np.array(unit),
+        "sigma": np.sqrt(max(task.ranging.sigma**2, SHARP * unit * _square_range(heard, path))),
+        "unit": np.array(unit),
         "at_rest": heard.positions[len(heard.positions) // 2],
         "time": np.array(task.durations.sum()),
         "floor": floor,

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
+from ..model.casadi import SX, symbol
 from .expressions import (
     Shape,
     dynamics,
@@ -29,8 +30,6 @@ MOST_INFEASIBLE, MOST_OF_MOMENTS = (
     100.0,
 )  # sum of gaps: past it covariances turn indefinite, and fatrop may restore for ever
 SLACK_START = 1e-2  # above what the guess needs: interior
-
-SX = Any
 
 
 class Controls(NamedTuple):
@@ -62,8 +61,8 @@ class Program:
         The first state is no variable. So there is no equality beside the dynamics, whose rank is full: fatrop 1.1 adds the same dual
         correction again and again, and never returns, where its restoration finds others deficient.
         """
-        X = [self._start, *(ca.SX.sym(f"x{k}", self.nx) for k in range(1, self.shape.stages + 1))]  # pyright: ignore[reportArgumentType, reportCallIssue]
-        U = [ca.SX.sym(f"u{k}", self.nu) for k in range(self.shape.stages)]  # pyright: ignore[reportArgumentType, reportCallIssue]
+        X = [self._start, *(symbol(f"x{k}", self.nx) for k in range(1, self.shape.stages + 1))]
+        U = [symbol(f"u{k}", self.nu) for k in range(self.shape.stages)]
         cost, rows = final_cost(X[-1], self._task, self.shape), []
         total = sum(s["duration"] for _, s in self._stages)
         for k, (_, s) in enumerate(self._stages):
@@ -98,7 +97,7 @@ class Program:
     @cached_property
     def _follow(self) -> ca.Function:
         """(controls without slack, parameters) -> variables: the states that follow, and the slacks they need; what these cost."""
-        given = ca.SX.sym("u", 1 + self.shape.free_speed, self.shape.stages)  # pyright: ignore[reportArgumentType, reportCallIssue]
+        given = symbol("u", 1 + self.shape.free_speed, self.shape.stages)
         x, variables, cost = self._start, [], ca.SX(0.0)
         for k, (_, s) in enumerate(self._stages):
             soft, _ = limits(

@@ -5,7 +5,7 @@ Gramian objectives are of the position block of the squared range's Gramian (the
 .. math:: W_i = 4 \int_0^T p_i p_i^\top dt, \qquad p_i(t) = \text{aid vehicle} - \text{AUV } i,
 
 by Simpson's rule on each stage. W grows with distance: give these objectives a greatest separation. The ``covariance`` objective is the
-time mean of the trace of each AUV's predicted position covariance, ranges coming at the pings (`formulations.manoeuvre_search`).
+time mean of the trace of each AUV's predicted position covariance, ranges coming at the pings (`formulations.model.covariance`).
 """
 
 from typing import NamedTuple
@@ -13,7 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..manoeuvre_search import Tracks, predict_covariance, range_update
+from ..model import arcs as exact
+from ..model.covariance import conditioned, courses, predicted
+from ..model.quadrature import MIDDLE
 from .task import Task
 
 
@@ -33,30 +35,21 @@ def follow(
     """Poses now and at ``points`` equal fractions of each stage, on exact arcs."""
     d = task.durations
     fraction = np.arange(1, points + 1) / points
-    half = 0.5 * turn_rates[:, :, None] * d[:, None] * fraction
-    ends = task.pose[2] + np.cumsum(turn_rates * d, axis=1)
-    before = np.concatenate([np.full((len(turn_rates), 1), task.pose[2]), ends[:, :-1]], axis=1)[
-        ..., None
-    ]
-    chord = (speeds * d)[:, :, None] * fraction * np.sinc(half / np.pi)
-    step = chord[..., None] * np.stack([np.cos(before + half), np.sin(before + half)], axis=-1)
-    start = task.pose[:2] + np.concatenate(
-        [np.zeros((len(step), 1, 2)), np.cumsum(step[:, :-1, -1], axis=1)], axis=1
-    )
-    poses = np.concatenate(
-        [start[:, :, None] + step, (before + 2 * half)[..., None]], axis=-1
-    ).reshape(len(step), -1, 3)
+    nodes = exact.path(task.pose, turn_rates, speeds, d)
+    within = exact.arcs(
+        nodes[:, :-1], turn_rates * d, speeds * d, fraction
+    )  # over a stage as unit of time
+    poses = within.reshape(len(turn_rates), -1, 3)
     times = (np.cumsum(d)[:, None] - d[:, None] * (1 - fraction)).ravel()
-    here = np.broadcast_to(task.pose, (len(step), 1, 3))
-    return Path(np.concatenate([here, poses], axis=1), np.concatenate([[0.0], times]))
+    return Path(np.concatenate([nodes[:, :1], poses], axis=1), np.concatenate([[0.0], times]))
 
 
 def simpson_weights(durations: Float[np.ndarray, " N"]) -> Float[np.ndarray, " T"]:
     """Weights of the ends and middles of the stages."""
     weights = np.zeros(2 * len(durations) + 1)
-    weights[:-1:2] += durations / 6
-    weights[1::2] += 4 * durations / 6
-    weights[2::2] += durations / 6
+    weights[:-1:2] += MIDDLE[0] * durations
+    weights[1::2] += MIDDLE[1] * durations
+    weights[2::2] += MIDDLE[2] * durations
     return weights
 
 
@@ -97,11 +90,9 @@ def traces(task: Task, path: Path) -> Float[np.ndarray, "K M"]:
     ends = path.poses[:, 2::2, :2]
     for k, (duration, pings) in enumerate(zip(task.durations, task.pings, strict=True)):
         there = task.positions[2 * k + 2]
-        P = predict_covariance(
-            P, Tracks(there, task.headings[k], task.speeds[k]), task.process_noise, float(duration)
-        )
-        if pings > 0:
-            P = range_update(P, ends[:, k, None] - there, task.ranging, float(pings))
+        course = courses(task.headings[k], task.speeds[k])
+        P = predicted(P, course, task.process_noise, float(duration))
+        P = conditioned(P, ends[:, k, None] - there, task.ranging, float(pings))
         total += (P[..., 0, 0] + P[..., 1, 1]) * (duration / task.durations.sum())
     return total
 

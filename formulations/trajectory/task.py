@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..manoeuvre_search import Ranging
+from ..model.covariance import Ranging
+from ..model.frames import Frame
 from .areas import Areas, in_frame
 
 OBJECTIVES = ("covariance", "log-det", "smallest-eigenvalue", "condition-number")
@@ -51,14 +52,15 @@ class Task(NamedTuple):
         return float(self.durations.max())
 
 
+def frame_of(task: Task) -> Frame:
+    """The aid vehicle's frame, in the task's unit of length."""
+    return Frame(task.pose[:2], float(task.pose[2]), task.length)
+
+
 def in_body_frame(task: Task) -> Task:
     """The same task seen from the aid vehicle, in its own units of length and time: its pose is 0, its speed and its longest stage 1."""
-    length, time = task.length, task.time
-    c, s = np.cos(task.pose[2]), np.sin(task.pose[2])
-    turn = np.array([[c, -s], [s, c]])
+    frame, length, time = frame_of(task), task.length, task.time
     unit = np.array([1 / length, 1 / length, 1.0, time / length])
-    T = np.diag(unit)
-    T[:2, :2] = turn.T / length
     squared = task.ranging.squared
     return task._replace(
         pose=np.zeros(3),
@@ -67,15 +69,15 @@ def in_body_frame(task: Task) -> Task:
         min_turn_radius=task.min_turn_radius / length,
         durations=task.durations / time,
         reach=None if task.reach is None else task.reach * time,
-        positions=(task.positions - task.pose[:2]) @ turn / length,
+        positions=frame.positions(task.positions),
         headings=task.headings - task.pose[2],
         speeds=task.speeds * time / length,
-        covariance=T @ task.covariance @ T.T,
+        covariance=frame.covariances(task.covariance, time),
         process_noise=task.process_noise * unit * np.sqrt(time),
         spread=task.spread / length,
         weights=task.weights / task.weights.sum(),
         ranging=Ranging(task.ranging.sigma / (length**2 if squared else length), squared),
-        areas=in_frame(task.areas, task.pose[:2], float(task.pose[2]), length),
+        areas=in_frame(task.areas, frame),
         least=task.least / length,
         greatest=task.greatest / length,
     )

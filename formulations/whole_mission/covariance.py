@@ -1,27 +1,14 @@
 """The time mean of the AUVs' predicted position variance as a function of where the aid vehicle is at the ranges, with its gradient."""
 
 from functools import lru_cache
-from typing import Any
 
 import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
+from ..model.casadi import symbol
+from ..model.covariance import condition_on_range, pack, pack_array, propagate, symmetric, unpack
 from .mission import HEADING, Mission
-
-LOWER = [
-    0,
-    1,
-    2,
-    3,
-    5,
-    6,
-    7,
-    10,
-    11,
-    15,
-]  # of a symmetric 4 x 4 matrix, its lower triangle by columns
-NEAREST = 1e-6  # [m]; a range from on top of an AUV tells nothing, and has no direction
 
 
 class PredictedVariance:
@@ -36,10 +23,8 @@ class PredictedVariance:
             for part in (half.transition.swapaxes(-1, -2), half.noise, half.heading)
         ]
         repeated = [np.tile(a, (S, 1)) for a in (mission.weights, [mission.ranging.sigma])]
-        first, rows = (
-            mission.covariance.reshape(M, 16)[:, LOWER],
-            [mission.position[stages.end], *by_stage],
-        )
+        first = pack_array(mission.covariance)
+        rows = [mission.position[stages.end], *by_stage]
         rows += [stages.pings, stages.share, *repeated]
         self._parameters = [ca.DM(first.T), *(ca.DM(a.reshape(S, -1).T) for a in rows)]
         self._function = variance_function(S, M, mission.ranging.squared)
@@ -67,7 +52,6 @@ def variance_function(S: int, M: int, squared: bool) -> ca.Function:
 @lru_cache(maxsize=16)
 def stage_function(M: int, squared: bool) -> ca.Function:
     """One stage: (covariances, sum so far, position, parameters) -> (covariances, sum)."""
-    symbol: Any = ca.SX.sym
     P, total, x, auvs = symbol("P", 10, M), symbol("total"), symbol("x", 2), symbol("auvs", 2 * M)
     maps = [
         symbol(name, rows * M) for _ in range(2) for name, rows in (("T", 16), ("Q", 16), ("h", 1))
@@ -80,7 +64,7 @@ def stage_function(M: int, squared: bool) -> ca.Function:
     )
     after, known = [], total
     for i in range(M):
-        begin = symmetric(P[:, i])
+        begin = unpack(P[:, i])
         one = [
             part[i * size : (i + 1) * size]
             for part, size in zip(maps, (16, 16, 1) * 2, strict=True)
@@ -91,7 +75,9 @@ def stage_function(M: int, squared: bool) -> ca.Function:
             *(covariance[0, 0] + covariance[1, 1] for covariance in (begin, middle, end))
         )
         known += weights[i] * ca.dot(share, variance)
-        after.append(lower(ranged(end, x - auvs[2 * i : 2 * i + 2], pings, sigma, squared)))
+        apart = x - auvs[2 * i : 2 * i + 2]
+        ranged = condition_on_range(end, apart, sigma=sigma, pings=pings, squared=squared)
+        after.append(pack(ranged))
     return ca.Function(
         "stage",
         [P, total, x, auvs, *maps, pings, share, weights, sigma],
@@ -106,28 +92,4 @@ def advanced(P: ca.SX, T: ca.SX, Q: ca.SX, h: ca.SX) -> ca.SX:
         F[row, column] = T[row + 4 * column]
     column = P[:, HEADING]
     known = P - h / (1 + h * column[HEADING]) * column @ column.T
-    return symmetric(lower(F @ symmetric(lower(known)) @ F.T + ca.reshape(Q, 4, 4)))
-
-
-def ranged(P: ca.SX, x: ca.SX, pings: ca.SX, sigma: ca.SX, squared: bool) -> ca.SX:
-    """`manoeuvre_search.range_update` as an expression; no ranges leave the covariance as it is."""
-    d2 = ca.fmax(ca.dot(x, x), NEAREST**2)
-    u, number = x / ca.sqrt(d2), ca.fmax(pings, 1.0)
-    Pu = P[:, 0] * u[0] + P[:, 1] * u[1]
-    trace, along = P[0, 0] + P[1, 1], u[0] * Pu[0] + u[1] * Pu[1]
-    if squared:
-        second = trace**2 + 2 * (P[0, 0] ** 2 + 2 * P[0, 1] ** 2 + P[1, 1] ** 2)
-        R = (sigma**2 / number + second) / (4 * d2)
-    else:
-        R = sigma**2 / number + 0.75 * (trace - along) ** 2 / d2
-    return P - ca.if_else(pings > 0, 1.0, 0.0) / (R + along) * Pu @ Pu.T
-
-
-def symmetric(half: ca.SX) -> ca.SX:
-    """Matrix of its lower triangle by columns."""
-    return ca.tril2symm(ca.SX(ca.Sparsity.lower(4), half))
-
-
-def lower(P: ca.SX) -> ca.SX:
-    """Lower triangle by columns."""
-    return ca.vec(P)[LOWER]
+    return propagate(symmetric(known), F, ca.reshape(Q, 4, 4))

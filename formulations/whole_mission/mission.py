@@ -20,7 +20,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Integer
 
-from formulations.manoeuvre_search import Ranging
+from formulations.model.covariance import Ranging
+from formulations.model.quadrature import simpson
 
 HEADING = 2  # index in the state
 MOST_STAGES = 400  # steps of the covariance recursion; more ranges than that are taken together
@@ -141,14 +142,3 @@ def advance(P: Float[np.ndarray, "M 4 4"], maps: Maps, stage: int) -> Float[np.n
         * column[..., None, :]
     )
     return T @ known @ T.swapaxes(-1, -2) + Q
-
-
-def simpson(
-    before: Integer[np.ndarray, " S"], after: Integer[np.ndarray, " S"]
-) -> Float[np.ndarray, "S 3"]:
-    """Weights of the ends and the inner point of intervals so cut that integrate parabolas; the trapezoid's where nothing is before it."""
-    a, b = np.maximum(before, 1), after
-    parabola = np.stack(
-        [(2 * a - b) / (6 * a), (a + b) ** 2 / (6 * a * b), (2 * b - a) / (6 * b)], axis=-1
-    )
-    return np.where((before > 0)[:, None], parabola, [0.5, 0.0, 0.5])

@@ -5,16 +5,12 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from jaxtyping import Float
 
-from formulations import manoeuvre_search
-from formulations.manoeuvre_search import (
-    Stages,
-    Tracks,
-    ping_stages,
-    range_update,
-    search_manoeuvres,
-    turn_candidates,
-)
+from formulations import beam_search
+from formulations.beam_search import search_manoeuvres, turn_candidates
 
+from ..model.arcs import arcs
+from ..model.covariance import Tracks, conditioned
+from ..model.schedule import ROUNDING, Stages, ping_stages
 from .mission import Mission, advance
 from .path import Turns
 
@@ -24,7 +20,6 @@ ORBITS = (1.0, 2.0, 4.0, 8.0)  # radii, in smallest turning radii beyond the far
 STRAIGHTER = (1.0, 1.0 / 3.0)  # constant turns, in units of the limit
 RANDOM = ((1, 1.0), (2, 1.0), (4, 0.3), (8, 0.3))  # turns that random ones last, and their largest
 WINDOWS = (4, 8, 16, 32)  # turns of the best that are shaken
-ROUNDING = 1e-6  # [s]
 SHAKE = 0.4  # their standard deviation, in units of the limit
 
 Violation = Callable[
@@ -85,17 +80,17 @@ def receding_horizon(
             violation=None if violation is None else _after(violation, begin * dt),
         )
         rates[begin:end] = found.turn_rates[0]
-        pose = moved(pose, float(found.turn_rates[0]), mission.cna_speed, (end - begin) * dt)
+        lasts = np.array([(end - begin) * dt])
+        pose = arcs(pose, found.turn_rates[:1].reshape(()), mission.cna_speed, lasts)[0]
         P = advance(advance(P, stages.halves[0], k), stages.halves[1], k)
         if stages.pings[k]:
-            P = range_update(
-                P, pose[:2] - mission.position[end], mission.ranging, float(stages.pings[k])
-            )
+            x = pose[:2] - mission.position[end]
+            P = conditioned(P, x, mission.ranging, float(stages.pings[k]))
         begin = end
     return turns.of(rates)
 
 
-def _after(violation: Violation, begin: float) -> manoeuvre_search.Violation:
+def _after(violation: Violation, begin: float) -> beam_search.Violation:
     return lambda positions, time: violation(positions, np.array(begin + time))
 
 
@@ -150,16 +145,5 @@ def orbit(turns: Turns, radius: float, left: float) -> np.ndarray:
             -mission.max_turn_rate,
             mission.max_turn_rate,
         )
-        pose = moved(pose, rate, mission.cna_speed, dt)
+        pose = arcs(pose, np.asarray(rate), mission.cna_speed, np.array([dt]))[0]
     return turns.of(rates)
-
-
-def moved(
-    pose: Float[np.ndarray, "3"], turn_rate: float, speed: float, time: float
-) -> Float[np.ndarray, "3"]:
-    """Pose after an arc."""
-    half = 0.5 * turn_rate * time
-    chord = speed * time * np.sinc(half / np.pi)
-    return pose + np.array(
-        [chord * np.cos(pose[2] + half), chord * np.sin(pose[2] + half), 2 * half]
-    )

@@ -6,6 +6,7 @@ from typing import Protocol, runtime_checkable
 
 import casadi as ca
 
+from formulations.model.covariance import propagate, symmetric
 from obsplan.estimators.jacobian import jacobian
 
 
@@ -41,7 +42,7 @@ class Ekf:
     def predict(self, x: ca.SX, P: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Mean and covariance one sample later."""
         F = jacobian(lambda s: self.f(s, u), x)
-        return self.f(x, u), symmetric(F @ P @ F.T + self.Q)
+        return self.f(x, u), propagate(P, F, self.Q)
 
     def update(
         self, x: ca.SX, P: ca.SX, z: ca.SX, sensor: Sensor, beacon: ca.SX
@@ -57,8 +58,3 @@ class Ekf:
         return x + K * innovation, symmetric(
             A @ P @ A.T + R * K @ K.T
         )  # Joseph form: P stays positive semidefinite
-
-
-def symmetric(P: ca.SX) -> ca.SX:
-    """P with its upper triangle copied from the lower, so that rounding cannot make it lopsided."""
-    return ca.tril2symm(ca.tril(ca.densify(P)))

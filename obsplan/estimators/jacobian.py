@@ -8,10 +8,12 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
+from formulations.model.casadi import of_each, symbol
+
 
 def jacobian(f: Callable[[ca.SX], ca.SX], x: ca.SX) -> ca.SX:
     """Jacobian of f at the expression x (which need not be a bare symbol)."""
-    s = ca.SX.sym("s", x.numel())  # pyright: ignore[reportArgumentType, reportCallIssue]
+    s = symbol("s", x.numel())
     return ca.substitute(ca.jacobian(f(s), s), s, x)
 
 
@@ -19,18 +21,12 @@ def transitions(
     model: Any, states: Float[np.ndarray, "steps n"], dt: float
 ) -> Float[np.ndarray, "steps n n"]:
     """Jacobian of a model's ``step(x, u, dt)`` at each state of a trajectory, without control."""
-    steps, n = states.shape
-    x, F = np.ascontiguousarray(states, dtype=float), np.empty((steps, n, n))
-    buffer, evaluate = _along(model, n, dt, steps).buffer()
-    buffer.set_arg(0, x.data)  # pyright: ignore[reportCallIssue]
-    buffer.set_res(0, F.data)  # pyright: ignore[reportCallIssue]
-    evaluate()
-    return F
+    return of_each(_transition(model, states.shape[1], dt), states)[0]
 
 
 @lru_cache(maxsize=16)
-def _along(model: Any, n: int, dt: float, steps: int) -> ca.Function:
-    """States side by side -> Jacobians side by side, transposed: the memory of row-major arrays."""
-    x = ca.SX.sym("x", n)  # pyright: ignore[reportArgumentType, reportCallIssue]
+def _transition(model: Any, n: int, dt: float) -> ca.Function:
+    """State -> Jacobian, transposed: the memory of a row-major array."""
+    x = symbol("x", n)
     F = ca.densify(ca.jacobian(model.step(x, ca.SX.zeros(n), dt), x))
-    return ca.Function("F", [x], [F.T]).map(steps)
+    return ca.Function("F", [x], [F.T])

@@ -7,10 +7,11 @@ from typing import Annotated
 import casadi as ca
 import numpy as np
 
+from formulations.model.schedule import time_to_next
 from formulations.solution import Status
 from obsplan.planners.candidates import first_of_the_best
 from obsplan.planners.checks import check_positive
-from obsplan.planners.protocol import Command, Targets, decide, time_to_ping
+from obsplan.planners.protocol import Command, Targets, decide
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
@@ -48,7 +49,7 @@ class ErrorEllipse:
         """The best candidate, scores of all being one expression."""
         limit = self.cna.max_turn_rate
         rates = np.linspace(limit, -limit, self.turn_rates)
-        wait = time_to_ping(time, self.ping_interval)
+        wait = time_to_next(time, self.ping_interval)
         places = ca.horzcat(
             *(self.cna.step(pose[:3], ca.SX(ca.DM([u, self.cna.speed])), wait)[:2] for u in rates)
         )

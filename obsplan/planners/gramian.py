@@ -2,18 +2,21 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Annotated, Literal
 
 import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from formulations.empirical_range_gramian import empirical_gramian_entries
-from formulations.manoeuvre_search import arcs
-from formulations.metric_expressions import position_schur_expression, score_expression
-from formulations.ping_moments import ping_moments
-from formulations.range_gramian import DisplacementMoments, displacement_moments, gramian_entries
+from formulations.gramian.empirical_range import empirical_gramian_entries
+from formulations.gramian.pings import ping_moments
+from formulations.gramian.range import DisplacementMoments, displacement_moments, gramian_entries
+from formulations.metrics import position_schur_expression, score_expression
+from formulations.model.arcs import arcs
+from formulations.model.casadi import symbol
+from formulations.model.frames import to_body
+from formulations.model.schedule import time_to_next
 from formulations.solution import Status
 from obsplan.constraints import UNLIMITED, Constraints, first_move_violation
 from obsplan.planners.candidates import first_of_the_best
@@ -26,7 +29,6 @@ from obsplan.planners.protocol import (
     decide,
     predict_path,
     symbols,
-    time_to_ping,
     unusable,
 )
 from obsplan.types import Belief, Decision, Pose
@@ -188,8 +190,7 @@ class GramianHorizon:
 
     def _entries(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Entries:
         """Upper triangles of the Gramians in the body frame, each K x M."""
-        c, s = ca.cos(pose[2]), ca.sin(pose[2])
-        body = lambda east, north: (c * east + s * north, c * north - s * east)  # noqa: E731
+        body = partial(to_body, ca.cos(pose[2]), ca.sin(pose[2]))
         x = body(pose[0] - targets.mean[0, :], pose[1] - targets.mean[1, :])
         v = (
             None
@@ -214,7 +215,7 @@ class GramianHorizon:
         return ping_moments(
             speed,
             self.candidates,
-            first=time_to_ping(time, interval),
+            first=time_to_next(time, interval),
             interval=interval,
             count=count,
         )
@@ -309,6 +310,6 @@ class GramianHorizon:
 def limited_choice(planner: GramianHorizon, n_auvs: int) -> ca.Function:
     """The choice among allowed candidates for a number of AUVs as a Function, built once."""
     inputs, targets = symbols(n_auvs)
-    allowed, otherwise = ca.SX.sym("allowed", planner.turn_rates), ca.SX.sym("otherwise")  # pyright: ignore[reportArgumentType, reportCallIssue]
+    allowed, otherwise = symbol("allowed", planner.turn_rates), symbol("otherwise")
     command = planner.choose(inputs[0], inputs[1], targets, allowed, otherwise)
     return ca.Function("choice", [*inputs, allowed, otherwise], list(command))

@@ -6,15 +6,10 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from formulations.manoeuvre_search import (
-    Manoeuvre,
-    Ranging,
-    Stages,
-    Tracks,
-    ping_stages,
-    search_manoeuvres,
-    turn_candidates,
-)
+from formulations.beam_search import search_manoeuvres, turn_candidates
+from formulations.model.arcs import path
+from formulations.model.covariance import Ranging, Tracks
+from formulations.model.schedule import Stages, ping_stages
 from formulations.solution import Status
 from obsplan.constraints import UNLIMITED, Constraints, first_move_violation
 from obsplan.planners.checks import check_at_least, check_choices, check_positive
@@ -29,7 +24,7 @@ class InformationHorizon:
     """Search a tree of constant turns for the least predicted position covariance of the moving AUVs over the horizon.
 
     Each AUV's own covariance is predicted with its process noise along its survey or course, ranges coming at the pings, their second-order
-    error counted (`formulations.manoeuvre_search`). The tree has ``stages`` levels of ``turn_rates`` branches, and a beam of ``beam_width``
+    error counted (`formulations.model.covariance`). The tree has ``stages`` levels of ``turn_rates`` branches, and a beam of ``beam_width``
     is kept. Where pings are rare a stage lasts from ping to ping and the horizon is that much longer. A turn that breaks a limit, or leaves
     no circle free to turn on, is discarded; if all do, the least violating is taken and the status says so. ``score`` is the mean over
     the horizon of the criterion, [m^2] or [-].
@@ -102,13 +97,12 @@ class InformationHorizon:
         if not np.isfinite(best.score):  # a drift or a process noise is no number
             return straight_on(self.cna, pose, Status.INVALID_INPUT, len(auvs))
         turn_rate = float(best.turn_rates[0])
-        path = manoeuvre_path(pose, best, stages, self.cna.speed)
         nothing = np.full(len(auvs), np.nan)
         status = Status.VIOLATED if best.first_violation > 0 else Status.OPTIMAL
         return Decision(
             turn_rate=turn_rate,
             speed=self.cna.speed,
-            path=path,
+            path=path(state, best.turn_rates, self.cna.speed, stages.duration),
             score=best.score,
             status=status,
             condition=nothing,
@@ -151,19 +145,3 @@ def predicted_tracks(auvs: Sequence[Belief], stages: Stages) -> Tracks:
         np.arctan2(water[..., 1], water[..., 0]),
         np.hypot(water[..., 0], water[..., 1]),
     )
-
-
-def manoeuvre_path(pose: Pose, manoeuvre: Manoeuvre, stages: Stages, speed: float) -> np.ndarray:
-    """Poses (stages + 1, 3) at the ends of the stages."""
-    heading = pose.heading + np.concatenate(
-        [[0.0], np.cumsum(manoeuvre.turn_rates * stages.duration)]
-    )
-    half = 0.5 * manoeuvre.turn_rates * stages.duration
-    chord = speed * stages.duration * np.sinc(half / np.pi)
-    steps = chord[:, None] * np.stack(
-        [np.cos(heading[:-1] + half), np.sin(heading[:-1] + half)], axis=-1
-    )
-    position = np.array([pose.x, pose.y]) + np.concatenate(
-        [np.zeros((1, 2)), np.cumsum(steps, axis=0)]
-    )
-    return np.column_stack([position, heading])

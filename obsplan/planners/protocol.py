@@ -8,12 +8,13 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
+from formulations.model.arcs import arcs
+from formulations.model.casadi import symbol
 from formulations.solution import Status
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
 PATH_POINTS = 21  # poses in a predicted path
-ROUNDING = 1e-6  # of the time between pings: a time this near to a ping is the ping's
 
 
 @runtime_checkable
@@ -171,8 +172,8 @@ def compiled(planner: Planner, n_auvs: int) -> ca.Function:
 
 def symbols(n_auvs: int) -> tuple[list[ca.SX], Targets]:
     """Inputs of a Function of time, pose and beliefs (`columns`), and the targets made of them."""
-    time, pose = ca.SX.sym("time"), ca.SX.sym("pose", 4)  # pyright: ignore[reportArgumentType, reportCallIssue]
-    known = [ca.SX.sym(name, rows, n_auvs) for name, rows in ROWS.items()]  # pyright: ignore[reportArgumentType, reportCallIssue]
+    time, pose = symbol("time"), symbol("pose", 4)
+    known = [symbol(name, rows, n_auvs) for name, rows in ROWS.items()]
     return [time, pose, *known], Targets(*known)._replace(weight=known[-1].T)
 
 
@@ -193,27 +194,8 @@ def predict_path(
     cna: Unicycle, pose: Pose, turn_rate: float, speed: float
 ) -> Float[np.ndarray, "steps 3"]:
     """Poses on the arc held for two thirds of the smallest circle, the thesis's horizon."""
-    time = np.linspace(0.0, two_thirds_turn(cna), PATH_POINTS)
-    return (
-        _arc()(
-            np.array([pose.x, pose.y, pose.heading]), np.array([turn_rate, speed]), time[None, :]
-        )
-        .full()
-        .T
-    )
-
-
-@lru_cache(maxsize=1)
-def _arc() -> ca.Function:
-    """(state, control, durations) -> the unicycle's states after them."""
-    x, u, t = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("t")  # pyright: ignore[reportArgumentType, reportCallIssue]
-    return ca.Function("arc", [x, u, t], [Unicycle.step(x, u, t)]).map(PATH_POINTS)
-
-
-def time_to_ping(time: ca.SX, interval: float) -> ca.SX:
-    """Time [s] until the next of the pings that come every interval [s] from time 0; at a ping, until the next one."""
-    since = ca.fmod(time, interval)
-    return interval - ca.if_else(since > (1 - ROUNDING) * interval, 0.0, since)
+    times = np.linspace(0.0, two_thirds_turn(cna), PATH_POINTS)
+    return arcs(np.array([pose.x, pose.y, pose.heading]), np.array(turn_rate), speed, times)
 
 
 def two_thirds_turn(cna: Unicycle) -> float:

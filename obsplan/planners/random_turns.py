@@ -1,12 +1,12 @@
 """Random turns: what a planner has to beat to be worth anything."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import Annotated
 
 import numpy as np
 
+from formulations.model.schedule import intervals
 from formulations.solution import Status
 from obsplan.planners.checks import check_at_least, check_positive
 from obsplan.planners.protocol import predict_path, straight_on
@@ -46,9 +46,7 @@ class RandomTurns:
         key = np.random.SeedSequence(self.seed or 0, spawn_key=(PLANNER_STREAM,)).generate_state(
             2, np.uint64
         )
-        turn = math.floor(
-            time / self.hold + 1e-9
-        )  # 1e-9: a time that is a multiple but for its rounding
+        turn = int(intervals(time, self.hold))
         limit = self.cna.max_turn_rate
         turn_rate = float(
             np.random.Generator(np.random.Philox(key=key, counter=turn)).uniform(-limit, limit)

@@ -8,7 +8,8 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-from formulations.manoeuvre_search import Ranging
+from formulations.model.covariance import Ranging
+from formulations.model.schedule import ROUNDING, intervals, time_to_next
 from formulations.solution import Status
 from formulations.trajectory import Areas, Controls, Limits, Outcome, Task, convex_areas, optimise
 from obsplan.constraints import UNLIMITED, Constraints, Disc, Polygon, loiter_violation
@@ -19,7 +20,6 @@ from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
 LEAST_PINGS = 6  # within the horizon, however rare they are: over half as many it does not pay to come near, and the vehicle drifts away
-ROUNDING = 1e-6  # of an interval, by which a time may miss a multiple of it
 
 Objective = Literal["covariance", "log-det", "smallest-eigenvalue", "condition-number"]
 
@@ -154,8 +154,7 @@ class Trajectory:
             1, round(horizon / self.stages / self.decision_interval)
         )
         durations = np.full(self.stages, length)
-        left = length - time % length
-        durations[0] = left if left > ROUNDING * length else length
+        durations[0] = time_to_next(time, length)
         return durations
 
     def _task(self, pose: Pose, auvs: Sequence[Belief], time: float, durations: np.ndarray) -> Task:
@@ -170,7 +169,7 @@ class Trajectory:
         headings = np.where(
             still, [auv.mean[2] for auv in auvs], np.arctan2(water[..., 1], water[..., 0])
         )
-        pings = np.floor((time + ends) / self.ping_interval + ROUNDING)
+        pings = intervals(time + ends, self.ping_interval)
         reach = (
             None
             if self.max_turn_acceleration is None

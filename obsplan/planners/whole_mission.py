@@ -8,14 +8,16 @@ from typing import Annotated, Literal
 import numpy as np
 from jaxtyping import Float
 
-from formulations.manoeuvre_search import Manoeuvre, Ranging, Stages
+from formulations.model.arcs import path
+from formulations.model.covariance import Ranging
+from formulations.model.frames import Frame
+from formulations.model.schedule import ROUNDING, intervals, is_multiple
 from formulations.whole_mission import Mission, Plan, optimise
 from obsplan.constraints import UNLIMITED, Constraints
 from obsplan.planners.checks import check_at_least, check_choices, check_positive
 from obsplan.planners.filed import Filed
-from obsplan.planners.information import manoeuvre_path
 from obsplan.planners.limits import SURE
-from obsplan.planners.protocol import ROUNDING, unusable
+from obsplan.planners.protocol import unusable
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
@@ -79,8 +81,8 @@ class WholeMission:
         )
         check_choices(self)
         check_at_least(self, starts=1, search_seed=0)
-        step, ratio = self.filed.time_step, self.ping_interval / self.filed.time_step
-        if not (0.5 < ratio < np.inf and abs(ratio - round(ratio)) < ROUNDING):
+        step = self.filed.time_step
+        if not is_multiple(self.ping_interval, step):
             raise ValueError(
                 f"ping_interval must be a whole multiple of the time step, {step:.6g} s, got {self.ping_interval} s"
             )
@@ -88,8 +90,7 @@ class WholeMission:
             self._check_segment(self.segment)
 
     def _check_segment(self, segment: float) -> None:
-        ratio = segment / self.decision_interval
-        if not (0.5 < ratio < np.inf and abs(ratio - round(ratio)) < ROUNDING):
+        if not is_multiple(segment, self.decision_interval):
             raise ValueError(
                 f"segment must be a whole multiple of the time between decisions, {self.decision_interval} s, got {segment} s"
             )
@@ -116,8 +117,7 @@ class WholeMission:
             return self.segment
         return max(
             self._least_segment,
-            np.floor(0.5 * self.ping_interval / self.decision_interval + ROUNDING)
-            * self.decision_interval,
+            intervals(0.5 * self.ping_interval, self.decision_interval) * self.decision_interval,
         )
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
@@ -141,7 +141,7 @@ class WholeMission:
         return made[0]
 
     def _made(self, pose: Pose, time: float, progress: Progress) -> "Voyage":
-        frame = Frame.of(pose, self.filed)
+        frame = frame_at(pose, self.filed)
         first = min(round(time / self.filed.time_step), self.filed.time.size - 2)
         plan = optimise(
             self._mission(frame, first),
@@ -161,7 +161,7 @@ class WholeMission:
             plan,
         )
 
-    def _mission(self, frame: "Frame", first: int) -> Mission:
+    def _mission(self, frame: Frame, first: int) -> Mission:
         """What is known from a sample on, as seen by the vehicle there."""
         filed = self.filed
         every = round(
@@ -172,10 +172,10 @@ class WholeMission:
         total = filed.weights.sum()
         return Mission(
             time_step=filed.time_step,
-            position=np.round(frame.seen(filed.position[after] - frame.origin), PLACES),
-            heading=np.round(frame.seen(courses), PLACES),
+            position=np.round(frame.positions(filed.position[after]), PLACES),
+            heading=np.round(frame.directions(courses), PLACES),
             speed=np.round(filed.speed[after], PLACES),
-            covariance=frame.seen_covariances(filed.covariance),
+            covariance=seen_covariances(frame, filed.covariance),
             process_noise=filed.process_noise,
             weights=filed.weights / total
             if total > 0
@@ -196,38 +196,19 @@ def _voyages(planner: WholeMission) -> "list[Voyage]":  # noqa: ARG001 - the key
     return []
 
 
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """The world as the vehicle sees it: ahead and abeam, abeam counted to the side where the AUVs are."""
+def frame_at(pose: Pose, filed: Filed) -> Frame:
+    """The vehicle's frame, abeam counted to the side where the AUVs are: worlds that are each other's mirror images look the same."""
+    frame = Frame(np.array([pose.x, pose.y]), pose.heading)
+    to_the_left = frame.positions(filed.position.mean(axis=0))[:, 1] @ filed.weights
+    return frame._replace(mirror=-1.0 if to_the_left < -(10.0**-PLACES) else 1.0)
 
-    origin: Float[np.ndarray, "2"]
-    axes: Float[np.ndarray, "2 2"]  # ahead and abeam, as rows
-    mirror: float  # -1 where abeam is to the right
 
-    @classmethod
-    def of(cls, pose: Pose, filed: Filed) -> "Frame":
-        """The frame at a pose: worlds that are each other's mirror images look the same."""
-        origin, cos, sin = np.array([pose.x, pose.y]), np.cos(pose.heading), np.sin(pose.heading)
-        to_the_left = (filed.position - origin).mean(axis=0) @ [-sin, cos] @ filed.weights
-        mirror = -1.0 if to_the_left < -(10.0**-PLACES) else 1.0
-        return cls(origin, np.array([[cos, sin], [-sin * mirror, cos * mirror]]), mirror)
-
-    def seen(self, vectors: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch 2"]:
-        """Vectors of the world in this frame."""
-        return vectors @ self.axes.T
-
-    def seen_covariances(self, P: Float[np.ndarray, "M 4 4"]) -> Float[np.ndarray, "M 4 4"]:
-        """Covariances of east, north, heading and speed as those of ahead, abeam, heading and speed, which `PLACES` are kept of in [m]."""
-        turn = np.eye(4)
-        turn[:2, :2], turn[2, 2] = self.axes, self.mirror
-        exact = turn @ P @ turn.T
-        turned = np.round(exact, PLACES)
-        turned[:, 2:, 2:] = exact[:, 2:, 2:]  # at most their signs have changed
-        return turned
-
-    def back(self, positions: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch 2"]:
-        """Positions in this frame in the world."""
-        return self.origin + positions @ self.axes
+def seen_covariances(frame: Frame, P: Float[np.ndarray, "M 4 4"]) -> Float[np.ndarray, "M 4 4"]:
+    """Covariances in a frame, of which `PLACES` are kept of what is in [m]."""
+    exact = frame.covariances(P)
+    turned = np.round(exact, PLACES)
+    turned[:, 2:, 2:] = exact[:, 2:, 2:]  # at most their signs have changed
+    return turned
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,7 +229,7 @@ class Limits:
         limits, filed, world = (
             self.planner.constraints,
             self.planner.filed,
-            np.ascontiguousarray(self.frame.back(positions)),
+            np.ascontiguousarray(self.frame.world(positions)),
         )
         at = (time / filed.time_step + self.first).round().astype(int).clip(max=filed.time.size - 1)
         auvs = np.moveaxis(filed.position, 1, 0)[
@@ -298,13 +279,13 @@ class Voyage:
                 [max(begin, end)],
             ]
         )
-        stages = Stages(np.diff(times), np.zeros(times.size - 1))
         turns = np.array([self.turn_rate(float(time)) for time in times[:-1]])
-        return manoeuvre_path(pose, Manoeuvre(turns, np.nan, 0.0, 0.0), stages, self.cna.speed)
+        start = np.array([pose.x, pose.y, pose.heading])
+        return path(start, turns, self.cna.speed, np.diff(times))
 
     def turn_rate(self, time: float) -> float:
         """Turn rate [rad/s] from a time on; after the mission the last one."""
-        turn = int(np.floor((time - self.begin) / self.duration + ROUNDING))
+        turn = int(intervals(time - self.begin, self.duration))
         return float(self.turn_rates[min(max(turn, 0), self.turn_rates.size - 1)])
 
     def decision(self, pose: Pose, time: float, n_auvs: int) -> Decision:

@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from formulations.model.covariance import pack_array
 from obsplan.scenario import Scenario
-from obsplan.simulation.step import Carry, Inputs, N, half_array
+from obsplan.simulation.step import Carry, Inputs, N
 from obsplan.types import Pose
 
 
@@ -51,7 +52,7 @@ def mission_inputs(scenario: Scenario, start: Pose, seed: int) -> tuple[Carry, I
 def first_carry(scenario: Scenario, start: Pose, truth: np.ndarray, error: np.ndarray) -> Carry:
     """Truth, first estimates and the aid vehicle's pose at time 0."""
     mean, covariance = scenario.first_estimates(truth, error)
-    lower = half_array(covariance)
+    lower = pack_array(covariance)
     cna, command = (
         np.array([[start.x, start.y, start.heading]]),
         np.array([[0.0, scenario.cna.speed]]),

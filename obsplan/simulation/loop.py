@@ -10,6 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from formulations.model.casadi import evaluate, machine_code
+from formulations.model.covariance import unpack_array
 from formulations.solution import Status
 from obsplan.constraints import UNLIMITED
 from obsplan.planners.limits import within_limits
@@ -17,8 +19,7 @@ from obsplan.planners.protocol import Planner
 from obsplan.run import Run, Timing, record
 from obsplan.scenario import Scenario, load
 from obsplan.simulation.inputs import mission_inputs
-from obsplan.simulation.native import native
-from obsplan.simulation.step import Carry, Inputs, Log, StepBuilder, folded, full_array, shape_of
+from obsplan.simulation.step import Carry, Inputs, Log, StepBuilder, folded, shape_of
 from obsplan.surveys import Reference
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
@@ -79,7 +80,7 @@ class ClosedLoop:
     def step(self) -> ca.Function:
         """The Function (Carry, Inputs) -> (Carry, Log) of one time step."""
         step = StepBuilder(scenario=self.scenario, planner=self.planner).build()
-        return native(step) if self.compiled else step
+        return machine_code(step) if self.compiled else step
 
     @cached_property
     def _chunks(self) -> dict[int, ca.Function]:
@@ -122,7 +123,7 @@ class ClosedLoop:
             self.scenario,
             self.planner,
             seed,
-            carry._replace(covariance=full_array(carry.covariance)),
+            carry._replace(covariance=unpack_array(carry.covariance)),
             log,
             timing,
         )
@@ -181,7 +182,7 @@ class ClosedLoop:
         scenario, now = self.scenario, float(inputs.time[k].item())
         knowledge = scenario.table.planner.knowledge
         means = {"survey": inputs.survey, "truth": carry.truth}.get(knowledge, carry.reported)[k]
-        covariances = full_array(carry.reported_covariance[k])
+        covariances = unpack_array(carry.reported_covariance[k])
         courses = [
             None if knowledge == "estimate" else course(*known, now)
             for known in zip(scenario.references, means, strict=True)
@@ -237,14 +238,3 @@ def pose_of(carry: Carry, k: int) -> Pose:
 def results_of(carry: Carry, log: Log, k: int, n: int) -> list[np.ndarray]:
     """Where n steps from step k on put what they return."""
     return [a[k + 1 : k + 1 + n] for a in carry] + [a[k : k + n] for a in log]
-
-
-def evaluate(function: ca.Function, arguments: list[np.ndarray], results: list[np.ndarray]) -> None:
-    """Evaluate a Function on the memory of arrays; the last axes (column, row) are CasADi's storage by columns."""
-    buffer, run = function.buffer()
-    views = [memoryview(a) for a in (*arguments, *results)]  # pyright: ignore[reportArgumentType]  # kept alive until the call is done
-    for i in range(len(arguments)):
-        buffer.set_arg(i, views[i])  # pyright: ignore[reportCallIssue]
-    for i in range(len(results)):
-        buffer.set_res(i, views[len(arguments) + i])  # pyright: ignore[reportCallIssue]
-    run()

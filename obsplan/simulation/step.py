@@ -5,8 +5,9 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from jaxtyping import Float
 
+from formulations.model.casadi import symbol
+from formulations.model.covariance import pack, unpack
 from obsplan.estimators import Ekf
 from obsplan.planners.protocol import Expression, Planner, Targets, expression_of, guarded
 from obsplan.scenario import Scenario
@@ -96,8 +97,8 @@ class StepBuilder:
     def build(self) -> ca.Function:
         """The Function (Carry, Inputs) -> (Carry, Log)."""
         auvs = len(self.scenario.table.auv)
-        symbol = lambda name: ca.SX.sym(name, *shape_of(name, auvs)[::-1])  # noqa: E731  # pyright: ignore[reportArgumentType, reportCallIssue]
-        carry, inputs = Carry(*map(symbol, Carry._fields)), Inputs(*map(symbol, Inputs._fields))
+        of = lambda name: symbol(name, *shape_of(name, auvs)[::-1])  # noqa: E731
+        carry, inputs = Carry(*map(of, Carry._fields)), Inputs(*map(of, Inputs._fields))
         command, score, condition, status = self._decide(carry, inputs)
         cna = self.scenario.cna.step(carry.cna, command, self.scenario.table.time_step)
         moved = [self._auv(i, cna, carry, inputs) for i in range(auvs)]
@@ -148,45 +149,20 @@ class StepBuilder:
             inputs.steer[:, i] - carry.truth[2:, i]
         )  # the autopilot brings heading and speed back to the survey's, and measures what it did
         truth = ekf.f(carry.truth[:, i], u) + inputs.disturbance[:, i]
-        x, P = ekf.predict(carry.mean[:, i], full(carry.covariance[:, i]), u)
+        x, P = ekf.predict(carry.mean[:, i], unpack(carry.covariance[:, i]), u)
         x, P = ekf.update(x, P, compass.measure(truth, cna) + inputs.heading_error[i], compass, cna)
         z = ranging.measure(truth, cna) + inputs.range_error[i]
         x_ranged, P_ranged = ekf.update(x, P, z, ranging, cna)
         pinged = lambda value, otherwise: ca.if_else(inputs.ping, value, otherwise)  # noqa: E731
-        x, P = pinged(x_ranged, x), pinged(half(P_ranged), half(P))
+        x, P = pinged(x_ranged, x), pinged(pack(P_ranged), pack(P))
         along = self.scenario.table.planner.knowledge == "estimate-and-survey"
         turns = inputs.steer[:, i] - carry.reported[2:, i] if along else ca.SX.zeros(2)
         reckoned, reckoned_P = ekf.predict(
-            carry.reported[:, i], full(carry.reported_covariance[:, i]), turns
+            carry.reported[:, i], unpack(carry.reported_covariance[:, i]), turns
         )
-        return truth, x, P, pinged(x, reckoned), pinged(P, half(reckoned_P)), pinged(z, np.nan)
+        return truth, x, P, pinged(x, reckoned), pinged(P, pack(reckoned_P)), pinged(z, np.nan)
 
     def _filter(self, i: int) -> Ekf:
         dt = self.scenario.table.time_step
         Q = np.diag(self.scenario.process_noise(assumed=True)[i] ** 2 * dt)
         return Ekf(f=lambda x, u: self.scenario.auv_model.step(x, u, dt), Q=ca.DM(Q))
-
-
-COLUMNS, BELOW = np.triu_indices(N)  # the lower triangle by columns is the upper one by rows
-
-
-def full(lower: ca.SX) -> ca.SX:
-    """Symmetric matrix from its lower triangle by columns."""
-    return ca.tril2symm(ca.SX(ca.Sparsity.lower(N), lower))
-
-
-def half(P: ca.SX) -> ca.SX:
-    """Lower triangle by columns."""
-    return ca.vec(P)[(BELOW + N * COLUMNS).tolist()]
-
-
-def full_array(lower: Float[np.ndarray, "*batch half"]) -> Float[np.ndarray, "*batch n n"]:
-    """Symmetric matrices from their lower triangles by columns."""
-    P = np.empty((*lower.shape[:-1], N, N))
-    P[..., BELOW, COLUMNS] = P[..., COLUMNS, BELOW] = lower
-    return P
-
-
-def half_array(P: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*batch half"]:
-    """Lower triangles by columns."""
-    return P[..., BELOW, COLUMNS]

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from formulations.metric_expressions import score_expression
-from formulations.range_gramian import DisplacementMoments, gramian_entries
+from formulations.gramian.range import DisplacementMoments, gramian_entries
+from formulations.metrics import score_expression
 from formulations.solution import Status
 from obsplan.planners.protocol import Command, Targets, decide, two_thirds_turn
 from obsplan.report.style import AID, colour

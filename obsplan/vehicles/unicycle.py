@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from formulations.model.arcs import arc
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unicycle:
@@ -29,13 +31,4 @@ class Unicycle:
     @staticmethod
     def step(x: ca.SX, u: ca.SX, dt: ca.SX | float) -> ca.SX:
         """State after dt seconds at a constant turn rate and speed, as a CasADi expression."""
-        half = 0.5 * u[0] * dt
-        chord = u[1] * dt * sinc(half)
-        return ca.vertcat(
-            x[0] + chord * ca.cos(x[2] + half), x[1] + chord * ca.sin(x[2] + half), x[2] + 2 * half
-        )
-
-
-def sinc(z: ca.SX) -> ca.SX:
-    """Return sin(z)/z, which is 1 at 0."""
-    return ca.if_else(z == 0, 1.0, ca.sin(z) / ca.if_else(z == 0, 1.0, z))
+        return arc(x, u[0], u[1], dt)

@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from formulations.gramian.range import displacement_moments, range_gramian_function, range_gramians
 from formulations.metrics import condition_number
-from formulations.range_gramian import displacement_moments, range_gramian_function, range_gramians
 
 SPEED, HORIZON, LIMIT = 1.0, 2 * np.pi / 3, 2.0
 POSE = np.array([1.0, 0.0, np.pi / 2])

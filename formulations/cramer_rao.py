@@ -11,7 +11,10 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float, Int
 
-EPS = float(np.finfo(float).eps)  # spacing of doubles at 1
+from .metrics import EPS
+from .model.casadi import evaluate, symbol
+from .model.covariance import propagate, symmetric
+
 RELATIVE_GAP = 0.005  # of the mean square: the bound's RMS is within 0.25 % of the best
 MAX_ITERATIONS = 300
 CURVATURE_DECREASE, CURVATURE_INCREASE = (
@@ -90,12 +93,8 @@ def posterior_cramer_rao(
     F, Q, J = (np.broadcast_to(a, (*batch, steps, n, n)) for a in (F, Q, J))
     sweep = _riccati_sweep(n, steps)
     for i in np.ndindex(*batch):
-        buffer, evaluate = sweep.buffer()
-        memory = [np.ascontiguousarray(a[i], dtype=float) for a in (P[..., 0, :, :], F, Q, J)]
-        for k, array in enumerate(memory):
-            buffer.set_arg(k, array.data)  # pyright: ignore[reportCallIssue]
-        buffer.set_res(0, P[i][1:].data)  # pyright: ignore[reportCallIssue]
-        evaluate()
+        given = [np.ascontiguousarray(a[i], dtype=float) for a in (P[..., 0, :, :], F, Q, J)]
+        evaluate(sweep, given, [P[i][1:]])
     return P
 
 
@@ -315,10 +314,9 @@ def _check_pings(pings: np.ndarray, steps: int) -> None:
 @lru_cache(maxsize=64)
 def _riccati_sweep(n: int, steps: int) -> ca.Function:
     """Compile (P0, F, Q, J) -> P over all steps; matrices side by side, F transposed: the memory of row-major arrays."""
-    P, Ft, Q, J = (ca.SX.sym(name, n, n) for name in ("P", "Ft", "Q", "J"))  # pyright: ignore[reportArgumentType, reportCallIssue]
-    return ca.Function("step", [P, Ft, Q, J], [_update(_symmetric(Ft.T @ P @ Ft + Q), J)]).mapaccum(
-        steps
-    )
+    P, Ft, Q, J = (symbol(name, n, n) for name in ("P", "Ft", "Q", "J"))
+    step = ca.Function("step", [P, Ft, Q, J], [_update(propagate(P, Ft.T, Q), J)])
+    return step.mapaccum(steps)
 
 
 def _update(P: ca.SX, J: ca.SX) -> ca.SX:
@@ -332,13 +330,8 @@ def _update(P: ca.SX, J: ca.SX) -> ca.SX:
         c = ca.if_else(positive, 1.0, 0.0) * ca.vertcat(ca.SX(i, 1), rest[i:, i])
         rest = rest - c @ c.T / d
         Pc = P @ c
-        P = _symmetric(P - Pc @ Pc.T / (d + c.T @ Pc))
+        P = symmetric(P - Pc @ Pc.T / (d + c.T @ Pc))
     return P
-
-
-def _symmetric(P: ca.SX) -> ca.SX:
-    """P with its upper triangle copied from the lower: rounding cannot make it lopsided, and half the work is saved."""
-    return ca.tril2symm(ca.tril(ca.densify(P)))
 
 
 def _separation(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

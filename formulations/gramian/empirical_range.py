@@ -6,7 +6,9 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from .gramian.empirical import EPSILON
+from ..model.arcs import arcs
+from .empirical import EPSILON
+from .samples import quadrature_weights
 
 INTERVALS = 21  # of the trapezoid rule over the horizon: error 6e-4 of the largest entry over two thirds of a circle
 
@@ -28,9 +30,7 @@ def empirical_gramian_entries(
     [m]; turn rates in rad/s, speed in m/s, horizon in s. Trapezoid rule with ``INTERVALS`` intervals.
     """
     time = np.linspace(0.0, horizon, INTERVALS + 1)
-    weights = np.full(time.size, horizon / INTERVALS) * np.where(
-        (time == 0) | (time == horizon), 0.5, 1.0
-    )
+    weights = quadrature_weights(time.size, horizon, "trapezoid")
     columns = [
         [_differences(x[0][j], x[1][j], u, speed, time) for j in range(x[0].shape[1])]
         for u in turn_rates
@@ -54,11 +54,9 @@ def _differences(
     """Squared range after each state was moved up, less after it was moved down, at every instant."""
 
     def squared_range(d1: float = 0.0, d2: float = 0.0, turned: float = 0.0) -> Expression:
-        half = 0.5 * turn_rate * time
-        chord = speed * time * np.sinc(half / np.pi)
-        return (x1 + d1 + ca.DM(chord * np.cos(turned + half))) ** 2 + (
-            x2 + d2 + ca.DM(chord * np.sin(turned + half))
-        ) ** 2
+        pose = np.array([0.0, 0.0, turned])
+        east, north, _ = arcs(pose, np.array(turn_rate), speed, time).T
+        return (x1 + d1 + ca.DM(east)) ** 2 + (x2 + d2 + ca.DM(north)) ** 2
 
     return [
         squared_range(**{state: EPSILON}) - squared_range(**{state: -EPSILON})

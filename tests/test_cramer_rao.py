@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pykalman import KalmanFilter
 
-from formulations.information import (
+from formulations.cramer_rao import (
     path_information,
     position_rms,
     posterior_cramer_rao,

@@ -4,7 +4,7 @@ r"""Displacement moments of a Gramian whose ranges come at pings: sums over a fe
 
 f is the time until the first ping and may be an expression; all else is numbers. An arc goes on from where it was at f, turned by what it
 had turned by then, Δ(f + s) = a + R Δ(s), so that the sums over s = kτ, which are numbers, are shifted and turned to those over t. The
-factor τ makes the sum an integral by the rectangle rule: as τ goes to 0 the moments become those of `range_gramian`, of the same unit.
+factor τ makes the sum an integral by the rectangle rule: as τ goes to 0 the moments become those of `range`, of the same unit.
 """
 
 from math import comb
@@ -14,7 +14,8 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from .range_gramian import DisplacementMoments
+from ..model.arcs import arc, arcs
+from .range import DisplacementMoments
 
 Expression = Any  # CasADi SX, MX or DM, or a number
 
@@ -71,9 +72,7 @@ def _sums_from_a_ping(
 ) -> Float[np.ndarray, "6 3 K"]:
     """Moments of an arc that begins at a ping."""
     time = interval * np.arange(count)[:, None]
-    half = 0.5 * turn_rates * time
-    chord = speed * time * np.sinc(half / np.pi)
-    d1, d2 = chord * np.cos(half), chord * np.sin(half)
+    d1, d2, _ = np.moveaxis(arcs(np.zeros(3), turn_rates, speed, time[:, 0]), -1, 0).swapaxes(1, 2)
     powers = interval * np.stack([time**0, time, time**2])
     return np.stack(
         [np.sum(powers * d, axis=1) for d in (np.ones_like(d1), d1, d2, d1 * d1, d1 * d2, d2 * d2)]
@@ -90,9 +89,7 @@ def _first_arc(
     speed: float, turn_rates: Float[np.ndarray, " K"], first: Expression
 ) -> tuple[Expression, ...]:
     """Displacement until the first ping, and cosine and sine of the turn by then, as columns."""
-    u, straight = ca.DM(turn_rates), ca.DM(np.where(turn_rates == 0, 1.0, 0.0))
-    half = 0.5 * u * first
-    chord = speed * (
-        straight * first + 2 * ca.sin(half) / (u + straight)
-    )  # sin is 0 where it is straight
-    return chord * ca.cos(half), chord * ca.sin(half), ca.cos(2 * half), ca.sin(2 * half)
+    origin = ca.DM.zeros(3, turn_rates.size)
+    moved = arc(origin, ca.DM(turn_rates).T, speed, first)
+    a1, a2, turned = ca.vertsplit(moved)
+    return a1.T, a2.T, ca.cos(turned).T, ca.sin(turned).T

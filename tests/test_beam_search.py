@@ -9,18 +9,11 @@ from oracles import arc
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from formulations import manoeuvre_search as search
-from formulations.manoeuvre_search import (
-    LOOKS,
-    Ranging,
-    Stages,
-    Tracks,
-    ping_stages,
-    predict_covariance,
-    range_update,
-    search_manoeuvres,
-    turn_candidates,
-)
+from formulations import beam_search as search
+from formulations.beam_search import LOOKS, search_manoeuvres, turn_candidates
+from formulations.model import covariance
+from formulations.model.covariance import Ranging, Tracks, conditioned, courses
+from formulations.model.schedule import Stages, ping_stages
 
 
 def positive_definite(rng, scale):
@@ -41,8 +34,8 @@ def drift_of(heading, speed):
 
 
 def predicted(P, heading, speed, noise, duration):
-    track = Tracks(np.zeros((1, 2)), np.array([heading]), np.array([speed]))
-    return predict_covariance(P[None, None], track, noise[None], duration)[0, 0]
+    course = courses(np.array(heading), np.array(speed))
+    return covariance.predicted(P, course, noise, duration)
 
 
 def test_prediction_solves_the_lyapunov_equation_without_noise_on_the_heading():
@@ -80,12 +73,7 @@ def test_prediction_is_van_loans_matrix_exponential():
 
 
 def updated(P, x, sigma=1.0, pings=1.0, squared=False):
-    return range_update(
-        P[None, None, None],
-        np.asarray(x, dtype=float)[None, None, None],
-        Ranging(sigma, squared),
-        pings,
-    )[0, 0, 0]
+    return conditioned(P, np.asarray(x, dtype=float), Ranging(sigma, squared), pings)
 
 
 @pytest.mark.parametrize("squared", [False, True])

@@ -15,15 +15,15 @@ information by the variances R of the two outputs: of white noise in continuous 
 A range, not squared, has this Jacobian over 2‖p(t)‖, which is no polynomial: freeze the distance d and take the variance 4 d² σ².
 """
 
-from functools import cache
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from .metric_expressions import position_schur_expression, score_expression
-from .metrics import BLEND_WEIGHT
+from ..metrics import BLEND_WEIGHT, position_schur_expression, score_expression
+from ..model.frames import to_body, turn_matrix
 
 VARIANTS = ("exact", "thesis")
 UNIT_VARIANCES = (1.0, 1.0)  # of the heading [rad²·s], of the squared range [m⁴·s]
@@ -37,7 +37,7 @@ Moments = Float[np.ndarray, "3 K"] | list[Any]  # rows, or columns that are expr
 class DisplacementMoments(NamedTuple):
     """Integrals over the horizon of t^k times 1, Δ1, Δ2, Δ1², Δ1Δ2, Δ2² in the body frame, k = 0, 1, 2 first; units m^a·s^(k+1).
 
-    The first of each alone serves an AUV at rest. Moments that are expressions come as three columns each (`ping_moments`).
+    The first of each alone serves an AUV at rest. Moments that are expressions come as three columns each (`formulations.gramian.pings`).
     """
 
     one: Moments
@@ -211,7 +211,7 @@ def range_gramians(
     variant, variances
         As for ``gramian_entries``.
     """
-    body = _to_body(np.cos(heading), np.sin(heading))
+    body = partial(to_body, np.cos(heading), np.sin(heading))
     moments = displacement_moments(speed, turn_rates, horizon)
     v = None if velocities is None else body(velocities.T[:1], velocities.T[1:])
     w11, w12, w13, w22, w23, w33 = gramian_entries(
@@ -221,20 +221,10 @@ def range_gramians(
         [np.stack(row, axis=-1) for row in ((w11, w12, w13), (w12, w22, w23), (w13, w23, w33))],
         axis=-2,
     )
-    turn = np.array(
-        [
-            [np.cos(heading), -np.sin(heading), 0.0],
-            [np.sin(heading), np.cos(heading), 0.0],
-            [0.0, 0.0, 1.0],
-        ]
-    )
+    turn = np.eye(3)
+    turn[:2, :2] = turn_matrix(heading).T
     W = turn @ W @ turn.T
     return 0.5 * (W + np.swapaxes(W, -1, -2))
-
-
-def _to_body(cosine: Array, sine: Array):
-    """Return the map of a vector's components from east and north to ahead and left."""
-    return lambda east, north: (cosine * east + sine * north, cosine * north - sine * east)
 
 
 def range_score_expression(
@@ -254,7 +244,7 @@ def range_score_expression(
     The pose is the aid vehicle's (x, y, ψ); positions and velocities are the AUVs', M x 2, east and north. Each may be SX, MX or DM.
     Metrics do not change under rotation, so W stays in the body frame. ``heading_is_nuisance`` scores the Schur complement of the position.
     """
-    body = _to_body(ca.cos(pose[2]), ca.sin(pose[2]))
+    body = partial(to_body, ca.cos(pose[2]), ca.sin(pose[2]))
     x = body(pose[0] - positions[:, 0].T, pose[1] - positions[:, 1].T)
     v = None if velocities is None else body(velocities[:, 0].T, velocities[:, 1].T)
     entries = gramian_entries(moments, x, v, variant=variant, variances=variances)

@@ -11,8 +11,15 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from obsplan.simulation import native as module
-from obsplan.simulation.native import find_compiler, native
+from formulations.model import casadi as module
+from formulations.model.casadi import (
+    Cases,
+    Elementwise,
+    find_compiler,
+    machine_code,
+    of_each,
+    say_there_is_no_compiler,
+)
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="needs a C compiler")
 CODE = "#!/bin/sh\n"
@@ -23,6 +30,7 @@ def cache(tmp_path, monkeypatch):
     """A cache of its own for each test, and nothing remembered of compilers."""
     monkeypatch.setenv("OBSPLAN_CACHE", str(tmp_path / "cache"))
     find_compiler.cache_clear()
+    say_there_is_no_compiler.cache_clear()
     yield tmp_path / "cache"
     find_compiler.cache_clear()
 
@@ -54,37 +62,37 @@ def fake_compiler(folder, script, monkeypatch):
 
 def test_machine_code_gives_the_same_bits():
     interpreted = pendulum()
-    compiled = native(interpreted)
+    compiled = machine_code(interpreted)
     assert "External" in compiled.class_name()
     np.testing.assert_array_equal(values(compiled), values(interpreted))
 
 
 def test_library_is_built_once_for_each_content(cache, monkeypatch):
-    native(pendulum())
+    machine_code(pendulum())
     (library,) = cache.iterdir()
     built = library.stat().st_mtime_ns
-    native(pendulum())
+    machine_code(pendulum())
     assert [path.stat().st_mtime_ns for path in cache.iterdir()] == [built]
-    native(pendulum(damping=0.2))
+    machine_code(pendulum(damping=0.2))
     assert len(list(cache.iterdir())) == 2
     monkeypatch.setattr(module, "FLAGS", ("-O1", *module.FLAGS[1:]))
-    native(pendulum())
+    machine_code(pendulum())
     assert len(list(cache.iterdir())) == 3
 
 
 def test_another_compiler_makes_another_library(cache, tmp_path, monkeypatch):
-    native(pendulum())
+    machine_code(pendulum())
     fake_compiler(
         tmp_path,
         f'[ "$1" = --version ] && echo "mycc 1" && exit\nexec {find_compiler()} "$@"\n',
         monkeypatch,
     )
-    native(pendulum())
+    machine_code(pendulum())
     assert len(list(cache.iterdir())) == 2
 
 
 def test_many_at_once_build_whole_libraries(cache):
-    code = f"import sys; sys.path[:0] = {sys.path!r}\nimport test_native as t\nt.native(t.pendulum())(1, 1)"
+    code = f"import sys; sys.path[:0] = {sys.path!r}\nimport test_machine_code as t\nt.machine_code(t.pendulum())(1, 1)"
     run = lambda _: subprocess.run([sys.executable, "-c", code], check=True, env=os.environ)  # noqa: E731
     with ThreadPoolExecutor(3) as pool:
         list(pool.map(run, range(3)))
@@ -99,7 +107,7 @@ def test_compiler_killed_at_work_leaves_no_half_built_library(cache, tmp_path, m
         monkeypatch,
     )
     function = pendulum()
-    assert native(function) is function
+    assert machine_code(function) is function
     assert list(cache.iterdir()) == []
     assert "mycc failed" in caplog.text
 
@@ -108,8 +116,8 @@ def test_without_a_compiler_the_function_itself_and_one_message(tmp_path, monkey
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("CC", raising=False)
     function = pendulum()
-    assert native(function) is function
-    assert native(function) is function
+    assert machine_code(function) is function
+    assert machine_code(function) is function
     assert caplog.messages == [
         "no C compiler found: using CasADi's virtual machine, with the same results, about three times slower"
     ]
@@ -120,7 +128,7 @@ def test_compiler_that_fails_is_quoted_and_the_function_itself_returned(
 ):
     fake_compiler(tmp_path, "echo 'step.c:1: out of patience' >&2\nexit 1\n", monkeypatch)
     function = pendulum()
-    assert native(function) is function
+    assert machine_code(function) is function
     assert caplog.messages == [
         f"no generated code: {tmp_path}/mycc failed (step.c:1: out of patience); using CasADi's virtual machine"
     ]
@@ -131,7 +139,7 @@ def test_cache_that_cannot_be_written_is_a_message_and_the_function_itself(monke
     monkeypatch.setenv("OBSPLAN_CACHE", "/proc/cache")  # where no one can make a folder
     function = pendulum()
     with caplog.at_level(logging.WARNING):
-        assert native(function) is function
+        assert machine_code(function) is function
     assert "/proc/cache" in caplog.text
     assert "failed" not in caplog.text  # the compiler was not to blame
     assert "using CasADi's virtual machine" in caplog.text
@@ -140,5 +148,72 @@ def test_cache_that_cannot_be_written_is_a_message_and_the_function_itself(monke
 def test_cache_folder_is_the_users_unless_named(tmp_path, monkeypatch):
     monkeypatch.delenv("OBSPLAN_CACHE")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
-    native(pendulum())
+    machine_code(pendulum())
     assert len(list((tmp_path / "xdg/obsplan").glob("*.so"))) == 1
+
+
+# Many cases at once
+
+
+def weighed():
+    """A Function of a vector, a matrix and something shared, with a root and a loop over columns."""
+    a, B, shared = ca.MX.sym("a", 2), ca.MX.sym("B", 2, 3), ca.MX.sym("s", 4)
+    x, y = ca.SX.sym("x", 2), ca.SX.sym("y", 2)
+    root = ca.Function("root", [x, y], [ca.sqrt(x[0] ** 2 + y[1] ** 2) * x[1] + y[0]])
+    each = root.map(3)(ca.repmat(a, 1, 3), B)
+    return ca.Function("weighed", [a, B, shared], [each @ shared[1:], B * shared[0]])
+
+
+def cases(count):
+    rng = np.random.default_rng(count)
+    return rng.normal(size=(count, 2)), rng.normal(size=(count, 3, 2)), rng.normal(size=4)
+
+
+@pytest.mark.parametrize("count", [1, 2, 57])
+@pytest.mark.parametrize("scalars", [False, True])
+def test_machine_code_of_many_cases_is_the_virtual_machines_of_each(count, scalars, monkeypatch):
+    function, given = weighed(), cases(count)
+    compiled = Cases(function, scalars=scalars)(*given)
+    monkeypatch.setattr(module, "find_compiler", lambda: None)
+    interpreted = Cases(function, scalars=scalars)(*given)
+    for k in range(count):
+        apart = function(given[0][k], given[1][k].T, given[2])
+        for results in (compiled, interpreted):
+            assert results[0][k] == float(apart[0])
+            np.testing.assert_array_equal(results[1][k], apart[1].full().T)
+
+
+def test_nobody_who_did_not_ask_for_a_compiler_is_told_that_there_is_none(monkeypatch, caplog):
+    monkeypatch.setattr(module, "find_compiler", lambda: None)
+    Cases(weighed(), scalars=True)(*cases(3))
+    assert caplog.messages == []
+
+
+def test_what_does_not_fit_is_refused_before_it_is_read():
+    run, (a, B, shared) = Cases(weighed(), scalars=False), cases(5)
+    with pytest.raises(ValueError, match="give 30 numbers"):
+        run(a, B[:4], shared)
+    with pytest.raises(ValueError, match="give 30 numbers"):
+        run(a, B.swapaxes(1, 2), shared)
+    with pytest.raises(ValueError, match="give 4 numbers"):
+        run(a, B, shared[:3])
+
+
+def test_cases_are_broadcast_against_each_other():
+    function = pendulum()
+    x, u = np.random.default_rng(1).normal(size=(4, 1, 3)), np.array([0.0, 1.0, -2.0])
+    (together,) = of_each(function, x, u)
+    assert together.shape == (4, 3, 3)
+    for i in range(4):
+        for j in range(3):
+            np.testing.assert_array_equal(together[i, j], function(x[i, 0], u[j]).full()[:, 0])
+    assert of_each(function, x[:0], u[:1])[0].shape == (0, 1, 3)
+
+
+@pytest.mark.parametrize("shape", [(), (1,), (16,), (17,), (3, 40)])
+def test_elements_are_evaluated_whatever_their_number(shape):
+    both = Elementwise(lambda a, b: (ca.hypot(a, b), ca.if_else(a > 0, a, b)))
+    a, b = np.random.default_rng(2).normal(size=shape), 0.5
+    found = both(a, b)
+    np.testing.assert_allclose(found[0], np.hypot(a, b), rtol=1e-15)
+    np.testing.assert_array_equal(found[1], np.where(a > 0, a, b))

@@ -1,0 +1,306 @@
+"""Search for the manoeuvre after which AUVs know best where they are: beam search over constant turns, covariances predicted.
+
+Each stage of each sequence is a branching: what the last stage's ranges tell, the prediction, and what ranges at the end of each turn
+would tell (`formulations.model.covariance`). It is one Function, run as machine code where there is a compiler.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+from jaxtyping import Float, Int
+
+from .model.arcs import arcs, compose
+from .model.casadi import SX, Cases, symbol
+from .model.covariance import (
+    Ranging,
+    Tracks,
+    condition_on_range,
+    courses,
+    pack,
+    pack_array,
+    predict,
+    unpack,
+)
+from .model.schedule import Stages
+
+CRITERIA = ("trace", "log-det")
+LOOKS = np.arange(1, 9) / 8  # parts of a stage after which it is held against the constraints
+TINY = 1e-30  # [m^4]; a position known exactly has no logarithm
+HALF = 10  # entries of a packed covariance
+AUV = (  # what a branching is told of an AUV: where it is at the last ranges and the next, how it moves between them
+    *("x_before", "y_before", "x", "y", "cos", "sin", "speed"),
+    *("east_noise", "north_noise", "heading_noise", "speed_noise", "weight"),
+)
+ORIGIN = np.zeros(3)
+STAGE = ("duration", "share", "pings_before", "pings", "sigma")  # share: of the horizon
+UNROLLED = 500  # AUVs times turns, up to which the virtual machine runs a branching on scalars
+
+Look = Callable[[Int[np.ndarray, " n"]], Float[np.ndarray, " n"]]
+Violation = Callable[
+    [Float[np.ndarray, "*batch T 2"], Float[np.ndarray, " T"]], Float[np.ndarray, "*batch T"]
+]
+
+
+class Manoeuvre(NamedTuple):
+    """The best sequence of turns found."""
+
+    turn_rates: Float[np.ndarray, " S"]  # [rad/s]
+    score: float  # the criterion [m^2], or [-] for log-det
+    first_violation: float  # how far its first turn breaks a limit [m], at least 0
+    violation: float  # how far the sequence does, at the points looked at [m], at least 0
+
+
+def turn_candidates(max_turn_rate: float, count: int) -> Float[np.ndarray, " K"]:
+    """Turn rates to try at each stage [rad/s], from left to right: straight on, and pairs that fall off threefold from the limit."""
+    side = max_turn_rate / 3.0 ** np.arange(count // 2)
+    return np.concatenate([side, [0.0], -side[::-1]])
+
+
+class _Beam(NamedTuple):
+    """Sequences of turns under consideration."""
+
+    pose: np.ndarray  # B x 3
+    covariance: np.ndarray  # B x M x HALF, before the last stage's ranges
+    cost: np.ndarray  # B
+    first: np.ndarray  # B, how far the first turn itself breaks a limit [m]
+    violation: np.ndarray  # B, how far the sequence does [m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Limits:
+    """What sequences are held against."""
+
+    violation: Violation | None
+    first_violation: np.ndarray  # K
+    turn_rates: np.ndarray  # K
+    speed: float
+
+    def best(
+        self, beam: _Beam, cost: np.ndarray, width: int, *, elapsed: float, duration: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The best of all sequences of the next stage; how far the first turns of these break a limit, and how far they do."""
+        each = len(self.turn_rates)
+        first, worst = (np.repeat(broken, each) for broken in (beam.first, beam.violation))
+        if elapsed == 0.0:
+            first = np.maximum(self.first_violation, 0.0)
+        keep, worst = _best(first, worst, cost, width, self._look(beam, elapsed, duration))
+        return keep, first[keep], worst[keep]
+
+    def _look(self, beam: _Beam, elapsed: float, duration: float) -> Look | None:
+        """How far the stage of some sequences breaks a limit, at the points looked at."""
+        violation = self.violation
+        if violation is None:
+            return None
+        times = duration * LOOKS
+
+        def look(these: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+            parent, turn = np.divmod(these, len(self.turn_rates))
+            along = arcs(beam.pose[parent], self.turn_rates[turn], self.speed, times)
+            return violation(along[..., :2], elapsed + times).max(axis=-1)
+
+        return look
+
+
+def search_manoeuvres(
+    pose: Float[np.ndarray, "3"],
+    covariance: Float[np.ndarray, "M 4 4"],
+    *,
+    tracks: Tracks,
+    process_noise: Float[np.ndarray, "M 4"],
+    weights: Float[np.ndarray, " M"],
+    stages: Stages,
+    turn_rates: Float[np.ndarray, " K"],
+    speed: float,
+    ranging: Ranging,
+    criterion: str = "trace",
+    beam_width: int = 32,
+    violation: Violation | None = None,
+    first_violation: Float[np.ndarray, " K"] | None = None,
+) -> Manoeuvre:
+    """Find the turns, one a stage, that make the AUVs' position covariances smallest over the horizon.
+
+    Parameters
+    ----------
+    pose
+        Of the aid vehicle: east, north [m], heading [rad].
+    covariance, process_noise
+        Of each AUV's state now; standard deviations of its random walk per square root of a second.
+    tracks, weights
+        Where the AUVs are expected, and what each counts.
+    stages, turn_rates, speed, ranging
+        Of the aid vehicle's horizon, its candidates at each stage [rad/s], its speed [m/s]; how ranges err.
+    criterion
+        ``trace`` [m²] or ``log-det`` [-] of the position covariance after each stage, weighted by the AUVs and averaged over time.
+    beam_width
+        Sequences kept after each stage: those whose first turn breaks limits least, of these those that break them least later, of these
+        the cheapest.
+    violation
+        How far [m] positions (..., T, 2) at times from now [s] are on the wrong side of a limit, at most 0 where they are right.
+    first_violation
+        How far [m] each turn breaks a limit as the first one.
+
+    Returns
+    -------
+    The best sequence of the last beam; of equals the one that comes first, turning left.
+    """
+    turns = len(turn_rates)
+    branch = branching(len(weights), turns, ranging.squared, criterion)
+    told = _told(tracks, process_noise, weights, stages, turn_rates, speed, ranging)
+    first = np.zeros(turns) if first_violation is None else first_violation
+    limits = _Limits(violation=violation, first_violation=first, turn_rates=turn_rates, speed=speed)
+    limited = violation is not None or first_violation is not None
+    start = np.zeros(1)
+    beam, taken, elapsed = (
+        _Beam(pose[None], pack_array(covariance)[None], start, start, start),
+        [],
+        0.0,
+    )
+    for now, duration in zip(told, stages.duration.tolist(), strict=True):
+        costs, poses, predicted = branch(beam.pose, beam.covariance, now)
+        cost = (beam.cost[:, None] + costs).ravel()
+        if limited:
+            keep, broken, worst = limits.best(
+                beam, cost, beam_width, elapsed=elapsed, duration=duration
+            )
+        else:
+            keep = _cheapest(cost, beam_width)
+            broken = worst = np.zeros(keep.size)
+        parent = keep // turns
+        taken.append((parent, keep - turns * parent))
+        covariance = predicted.reshape(-1, len(weights), HALF)[parent]
+        beam = _Beam(poses.reshape(-1, 3)[keep], covariance, cost[keep], broken, worst)
+        elapsed += duration
+    best = _followed_back(taken)
+    return Manoeuvre(
+        turn_rates[best], float(beam.cost[0]), float(beam.first[0]), float(beam.violation[0])
+    )
+
+
+@lru_cache(maxsize=16)
+def branching(auvs: int, turns: int, squared: bool, criterion: str) -> Cases:
+    """One stage of one sequence, for many sequences.
+
+    (pose, packed covariances: HALF x M, told) -> (costs: K, poses: 3 x K, packed covariances: HALF x M)
+
+    ``told`` holds ``AUV`` of each, ``STAGE`` and the moves of the turns, 3 x K, one after the other.
+    """
+    sizes = {"pose": (3, 1), "P": (HALF, auvs), "told": (sum(_sizes(auvs, turns)), 1)}
+    pose, P, told = (ca.MX.sym(name, *size) for name, size in sizes.items())  # pyright: ignore[reportArgumentType, reportCallIssue]
+    auv, stage, moves = ca.vertsplit(told, np.cumsum([0, *_sizes(auvs, turns)]).tolist())
+    auv, moves = ca.reshape(auv, len(AUV), auvs), ca.reshape(moves, 3, turns)
+    poses = _composed(turns)(pose, moves)
+    repeated = [ca.repmat(part, 1, auvs) for part in (pose, poses, stage)]
+    known, predicted = _branching_of_one(turns, squared, criterion).map(auvs)(P, auv, *repeated)
+    costs = stage[STAGE.index("share")] * (known @ auv[AUV.index("weight"), :].T)
+    function = ca.Function("branching", [pose, P, told], [costs, poses, predicted])
+    return Cases(function, scalars=auvs * turns <= UNROLLED)
+
+
+def _sizes(auvs: int, turns: int) -> tuple[int, int, int]:
+    """Of the parts of what a branching is told."""
+    return len(AUV) * auvs, len(STAGE), 3 * turns
+
+
+def _branching_of_one(turns: int, squared: bool, criterion: str) -> ca.Function:
+    """The same of one AUV: (covariance, AUV, pose, poses: 3 x K, STAGE) -> (criterion after each turn: K, covariance)."""
+    P, auv, stage = symbol("P", HALF), symbol("auv", len(AUV)), symbol("stage", len(STAGE))
+    pose, poses = symbol("pose", 3), symbol("poses", 3, turns)
+    duration, _, last_pings, pings, sigma = ca.vertsplit(stage)
+    before, there, course, noise, _ = ca.vertsplit(auv, [0, 2, 4, 7, 11, 12])
+    begun = condition_on_range(
+        unpack(P), pose[:2] - before, sigma=sigma, pings=last_pings, squared=squared
+    )
+    predicted = predict(begun, course, noise, duration)
+    known = []
+    for k in range(turns):
+        x = poses[:2, k] - there
+        after = condition_on_range(predicted[:2, :2], x, sigma=sigma, pings=pings, squared=squared)
+        known.append(_criterion(after, criterion))
+    outputs = [ca.vertcat(*known), pack(predicted)]
+    return ca.Function("of_one", [P, auv, pose, poses, stage], outputs)
+
+
+@lru_cache(maxsize=16)
+def _composed(turns: int) -> ca.Function:
+    pose, moves = symbol("pose", 3), symbol("moves", 3, turns)
+    return ca.Function("composed", [pose, moves], [compose(pose, moves)])
+
+
+def _criterion(P: SX, name: str) -> SX:
+    """Trace or log det of the position covariance."""
+    if name == "trace":
+        return P[0, 0] + P[1, 1]
+    return ca.log(ca.fmax(P[0, 0] * P[1, 1] - P[0, 1] ** 2, TINY))
+
+
+def _told(
+    tracks: Tracks,
+    process_noise: Float[np.ndarray, "M 4"],
+    weights: Float[np.ndarray, " M"],
+    stages: Stages,
+    turn_rates: Float[np.ndarray, " K"],
+    speed: float,
+    ranging: Ranging,
+) -> Float[np.ndarray, "S n"]:
+    """What a branching is told at each stage; see `branching`."""
+    S, M = tracks.heading.shape
+    sizes = _sizes(M, len(turn_rates))
+    told = np.empty((S, sum(sizes)))
+    auv, stage, moves = np.split(told, np.cumsum(sizes[:-1]), axis=1)
+    auv = auv.reshape(S, M, len(AUV))
+    auv[0, :, :2] = 0.0  # no ranges before the first stage
+    auv[1:, :, :2] = tracks.position[:-1]
+    auv[..., 2:4] = tracks.position
+    auv[..., 4:7] = courses(tracks.heading, tracks.speed)
+    auv[..., 7:11] = process_noise
+    auv[..., 11] = weights / weights.sum()
+    stage[:, 0] = stages.duration
+    stage[:, 1] = stages.duration / stages.duration.sum()
+    stage[0, 2], stage[1:, 2] = 0.0, stages.pings[:-1]
+    stage[:, 3] = stages.pings
+    stage[:, 4] = ranging.sigma
+    moves.reshape(S, -1, 3)[...] = arcs(ORIGIN, turn_rates, speed, stages.duration).swapaxes(0, 1)
+    return told
+
+
+def _cheapest(cost: Float[np.ndarray, " n"], count: int) -> Int[np.ndarray, " some"]:
+    """The cheapest sequences, the cheapest first; of equals those that come first."""
+    if count < cost.size:
+        bound = np.partition(cost, count - 1)[count - 1]
+        among = np.flatnonzero(~(cost > bound))  # what is no number counts as dearest
+    else:
+        among = np.arange(cost.size)
+    return among[np.argsort(cost[among], kind="stable")[:count]]
+
+
+def _followed_back(taken: list[tuple[np.ndarray, np.ndarray]]) -> list[int]:
+    """Turns of the first sequence of the last beam, from the parents and turns of each stage's."""
+    turns, k = [], 0
+    for parent, turn in reversed(taken):
+        turns.append(int(turn[k]))
+        k = parent[k]
+    return turns[::-1]
+
+
+def _best(
+    first: Float[np.ndarray, " n"],
+    worst: Float[np.ndarray, " n"],
+    cost: Float[np.ndarray, " n"],
+    count: int,
+    look: Look | None,
+) -> tuple[Int[np.ndarray, " count"], Float[np.ndarray, " n"]]:
+    """The best sequences, and how far each breaks a limit; looked at are no more than it takes to know the best."""
+    order = np.lexsort((cost, worst, first))
+    if look is None:
+        return order[:count], worst
+    worst, seen = worst.copy(), order[:0]
+    for end in range(count, len(order) + count, count):
+        these, seen = order[end - count : end], order[:end]
+        worst[these] = np.maximum(worst[these], look(these))
+        if np.sum((first[seen] == first[order[0]]) & (worst[seen] == 0)) >= count:
+            break  # whatever comes later costs more, or breaks more
+    return seen[np.lexsort((cost[seen], worst[seen], first[seen]))[:count]], worst

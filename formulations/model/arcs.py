@@ -1,0 +1,121 @@
+r"""Exact arcs: how a unicycle moves at a constant turn rate u and speed V (thesis 3.1, 4.1).
+
+.. math:: p(t) = p(0) + V t \, \mathrm{sinc}(u t / 2) \, (\cos, \sin)(\psi + u t / 2), \quad \psi(t) = \psi + u t
+
+Poses are (east, north [m], heading [rad], counter-clockwise from east), or the same in any frame and unit of length.
+"""
+
+import casadi as ca
+import numpy as np
+from jaxtyping import Float
+
+from .casadi import SX, Elementwise
+
+SERIES_TERMS = 9  # of sinc below 1: the last is 1/17! = 3e-15
+
+
+def sinc(z: SX) -> SX:
+    """Return sin(z)/z with derivatives that keep their digits at 0."""
+    short, series = ca.fabs(z) < 1.0, 1.0
+    for n in range(SERIES_TERMS - 1, 0, -1):  # Horner: each operation is differentiated twice
+        series = 1 - z**2 / (2 * n * (2 * n + 1)) * series
+    far = ca.if_else(short, 1.0, z)
+    return ca.if_else(short, series, ca.sin(far) / far)
+
+
+def arc(pose: SX, turn_rate: SX, speed: SX, duration: SX) -> SX:
+    """Pose after an exact arc; or poses, each a column, where all are rows."""
+    half = 0.5 * turn_rate * duration
+    chord = speed * duration * sinc(half)
+    return ca.vertcat(
+        pose[0, :] + chord * ca.cos(pose[2, :] + half),
+        pose[1, :] + chord * ca.sin(pose[2, :] + half),
+        pose[2, :] + 2 * half,
+    )
+
+
+def compose(pose: SX, moves: SX) -> SX:
+    """Poses, each a column, of moves that begin at a pose; an arc's move is the arc from the origin."""
+    cos, sin = ca.cos(pose[2]), ca.sin(pose[2])
+    return ca.vertcat(
+        pose[0] + cos * moves[0, :] - sin * moves[1, :],
+        pose[1] + sin * moves[0, :] + cos * moves[1, :],
+        pose[2] + moves[2, :],
+    )
+
+
+def _from(heading: SX, turn_rate: SX, speed: SX, duration: SX) -> SX:
+    """Move of an arc: a pose relative to where it begins, but for the heading."""
+    nowhere = 0.0 * heading
+    return arc(ca.vertcat(nowhere, nowhere, heading), turn_rate, speed, duration)
+
+
+@Elementwise
+def _moves(heading, turn_rate, speed, duration):
+    """Way to the east and to the north."""
+    moved = _from(heading, turn_rate, speed, duration)
+    return moved[0, :], moved[1, :]
+
+
+@Elementwise
+def _slopes(heading, turn_rate, speed, duration):
+    """Their derivatives by the turn rate."""
+    moved = _from(heading, turn_rate, speed, duration)
+    slope = ca.jtimes(moved, turn_rate, ca.DM.ones(turn_rate.shape))
+    return slope[0, :], slope[1, :]
+
+
+def arcs(
+    pose: Float[np.ndarray, "*#batch 3"],
+    turn_rates: Float[np.ndarray, "*#batch"],
+    speed: Float[np.ndarray, "*#batch"] | float,
+    times: Float[np.ndarray, " T"],
+) -> Float[np.ndarray, "*batch T 3"]:
+    """Poses after turns [rad/s] were held at speeds [m/s] for times [s]."""
+    rates, heading = turn_rates[..., None], pose[..., None, 2]
+    east, north = _moves(heading, rates, np.asarray(speed)[..., None], times)
+    turned = np.broadcast_to(heading + rates * times, east.shape)
+    return np.stack([pose[..., None, 0] + east, pose[..., None, 1] + north, turned], axis=-1)
+
+
+def path(
+    pose: Float[np.ndarray, "*#batch 3"],
+    turn_rates: Float[np.ndarray, "*#batch N"],
+    speeds: Float[np.ndarray, "*#batch N"] | float,
+    durations: Float[np.ndarray, "*#batch N"] | float,
+) -> Float[np.ndarray, "*batch nodes 3"]:
+    """Poses at the beginning and the ends of arcs one after the other."""
+    heading = _headings(pose, turn_rates, durations)
+    moves = _moves(heading[..., :-1], turn_rates, speeds, durations)
+    return np.stack(
+        [_summed(pose[..., [i]], move) for i, move in enumerate(moves)] + [heading], axis=-1
+    )
+
+
+def path_gradient(
+    pose: Float[np.ndarray, "3"],
+    turn_rates: Float[np.ndarray, " N"],
+    speed: float,
+    duration: float,
+    by_position: Float[np.ndarray, "N 2"],
+) -> Float[np.ndarray, " N"]:
+    """Gradient by the turn rates of what has the gradient ``by_position`` by the positions at the ends of `path`."""
+    heading = _headings(pose, turn_rates, duration)[:-1]
+    east, north = _moves(heading, turn_rates, speed, duration)
+    east_slope, north_slope = _slopes(heading, turn_rates, speed, duration)
+    by_east, by_north = np.cumsum(by_position[::-1], axis=0)[::-1].T  # a move shifts all later ones
+    own = by_east * east_slope + by_north * north_slope
+    by_heading = by_north * east - by_east * north
+    later = np.append(np.cumsum(by_heading[:0:-1])[::-1], 0.0)  # a turn turns all later ones
+    return own + duration * later
+
+
+def _headings(pose: np.ndarray, turn_rates: np.ndarray, durations: np.ndarray | float):
+    """Headings at the beginning and the ends of arcs."""
+    return _summed(pose[..., [2]], turn_rates * durations)
+
+
+def _summed(first: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """First value, and what it is after each step."""
+    start = np.broadcast_to(first, (*steps.shape[:-1], 1))
+    return np.concatenate([start, first + np.cumsum(steps, axis=-1)], axis=-1)

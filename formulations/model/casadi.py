@@ -1,0 +1,270 @@
+"""The one door to CasADi: symbols, evaluation on the memory of arrays, and machine code.
+
+Arrays hold what CasADi stores by columns: a column is an axis (..., row), a matrix two axes (..., column, row), cases come before them.
+Machine code does the same arithmetic as CasADi's virtual machine, to the last bit, several times faster.
+"""
+
+import ctypes
+import hashlib
+import logging
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Sequence
+from functools import cache, lru_cache
+from inspect import signature
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+FLAGS = (
+    "-O2",
+    "-ffp-contract=off",
+    "-fPIC",
+    "-shared",
+)  # no fused multiply-add: the virtual machine has none
+LEAST_CASES = 16  # that an elementwise Function is built for
+
+SX = Any  # CasADi's own signatures do not say what its operators take and give
+
+log = logging.getLogger("obsplan")
+
+
+def symbol(name: str, rows: int = 1, columns: int = 1) -> SX:
+    """A matrix of symbols."""
+    return ca.SX.sym(name, rows, columns)  # pyright: ignore[reportArgumentType, reportCallIssue]
+
+
+def evaluate(
+    function: ca.Function,
+    arguments: Sequence[np.ndarray],
+    results: Sequence[np.ndarray | None],
+) -> None:
+    """Evaluate a Function on the memory of contiguous arrays of floats; results that are None are not wanted.
+
+    The buffer belongs to this call alone, so that threads may share a Function.
+    """
+    buffer, run = function.buffer()
+    given = [memoryview(a) for a in arguments]  # kept alive until the call is done
+    wanted = [None if a is None else memoryview(a) for a in results]
+    for i, view in enumerate(given):
+        buffer.set_arg(i, view)  # pyright: ignore[reportCallIssue]  (CasADi's own signature is wrong)
+    for i, view in enumerate(wanted):
+        if view is not None:
+            buffer.set_res(i, view)  # pyright: ignore[reportCallIssue]
+    run()
+
+
+@lru_cache(maxsize=256)
+def mapped(function: ca.Function, count: int) -> ca.Function:
+    """The Function over ``count`` cases side by side; kept, because building it takes longer than calling it."""
+    return function if count == 1 else function.map(count)
+
+
+def of_each(function: ca.Function, *arguments: np.ndarray) -> list[np.ndarray]:
+    """Evaluate a Function for all cases at once.
+
+    Leading axes of the arguments are cases, and are broadcast. Results have them before their own axes.
+    """
+    cores = [_axes(*function.size_in(i)) for i in range(function.n_in())]
+    leading = [
+        np.shape(a)[: np.ndim(a) - len(core)] for a, core in zip(arguments, cores, strict=True)
+    ]
+    batch = np.broadcast_shapes(*leading)
+    given = [
+        np.ascontiguousarray(np.broadcast_to(a, batch + core), dtype=float)
+        for a, core in zip(arguments, cores, strict=True)
+    ]
+    results = [np.empty(batch + _axes(*function.size_out(i))) for i in range(function.n_out())]
+    count = int(np.prod(batch))
+    if count:
+        evaluate(mapped(function, count), given, results)
+    return results
+
+
+def _axes(rows: int, columns: int) -> tuple[int, ...]:
+    """Axes of an array that holds a matrix."""
+    if columns > 1:
+        return (columns, rows)
+    return (rows,) if rows > 1 else ()
+
+
+class Elementwise:
+    """An expression of numbers, evaluated on arrays that are broadcast against each other.
+
+    Each operation runs over all elements before the next: no slower than numpy. Functions are built for powers of two of elements.
+    """
+
+    def __init__(self, expression: Callable[..., Sequence[Any]]) -> None:
+        self.expression = expression
+        self.inputs = len(signature(expression).parameters)
+
+    def __call__(self, *arguments: np.ndarray | float) -> list[np.ndarray]:
+        """Values of the expressions, of the arguments' common shape."""
+        shape = np.broadcast_shapes(*(np.shape(a) for a in arguments))
+        count = int(np.prod(shape))
+        size = max(LEAST_CASES, 1 << (count - 1).bit_length())
+        given = np.zeros((self.inputs, size))
+        for row, argument in zip(given, arguments, strict=True):
+            row[:count].reshape(shape)[...] = argument
+        function = self._function(size)
+        results = np.empty((function.n_out(), size))
+        evaluate(function, list(given), list(results))
+        return [row[:count].reshape(shape) for row in results]
+
+    @lru_cache(maxsize=64)  # noqa: B019 - instances are made once, with the module
+    def _function(self, size: int) -> ca.Function:
+        # MX: an operation is one pass over all elements, two to four times as fast as scalar by scalar
+        rows = [ca.MX.sym(f"a{i}", 1, size) for i in range(self.inputs)]  # pyright: ignore[reportArgumentType, reportCallIssue]
+        values = [ca.densify(value) for value in self.expression(*rows)]
+        return ca.Function("elementwise", rows, ca.cse(values))
+
+
+class Cases:
+    """A Function run for many cases at once, as machine code where there is a compiler; its last argument is shared by all cases.
+
+    Without one: ``scalars`` says that the virtual machine shall run it on scalars, which is faster while it is small.
+    """
+
+    DRIVER = """
+int {name}_cases(casadi_int count, const casadi_int* steps, const casadi_real** arg, casadi_real** res,
+                 casadi_int* iw, casadi_real* w) {{
+  const casadi_real* a[{sz_arg}];
+  casadi_real* r[{sz_res}];
+  for (casadi_int k = 0; k < count; ++k) {{
+    for (int i = 0; i < {n_in}; ++i) a[i] = arg[i] + k * steps[i];
+    for (int i = 0; i < {n_out}; ++i) r[i] = res[i] + k * steps[{n_in} + i];
+    if ({name}(a, r, iw, w, 0)) return 1;
+  }}
+  return 0;
+}}
+"""
+
+    def __init__(self, function: ca.Function, *, scalars: bool) -> None:
+        self.function = function.expand() if scalars else function
+        sizes = [function.nnz_in(i) for i in range(function.n_in() - 1)] + [0]
+        sizes += [function.nnz_out(i) for i in range(function.n_out())]
+        self._steps = (ctypes.c_longlong * len(sizes))(*sizes)
+        self._results = [_axes(*function.size_out(i)) for i in range(function.n_out())]
+        self._run = self._compiled(function)
+        self._work = function.sz_iw(), function.sz_w()
+        self._shared = function.nnz_in(function.n_in() - 1)
+
+    def _compiled(self, function: ca.Function) -> Any:
+        """The driver; None where it cannot be compiled."""
+        sizes = {name: getattr(function, name)() for name in ("sz_arg", "sz_res", "n_in", "n_out")}
+        source = generate(function) + self.DRIVER.format(name=function.name(), **sizes)
+        library = compiled_library(source, asked_for=False)
+        if library is None:
+            return None
+        driver = ctypes.CDLL(str(library))[f"{function.name()}_cases"]
+        driver.argtypes = [ctypes.c_longlong, *[ctypes.c_void_p] * 5]
+        return driver
+
+    def __call__(self, *arguments: np.ndarray) -> list[np.ndarray]:
+        """Results, cases first, of contiguous arrays of floats, cases first, and of the one that is shared."""
+        *own, shared = arguments
+        count = len(own[0])
+        results = [np.empty((count, *axes)) for axes in self._results]
+        if self._run is None:
+            repeated = np.ascontiguousarray(np.broadcast_to(shared, (count, *shared.shape)))
+            evaluate(mapped(self.function, count), [*own, repeated], results)
+            return results
+        sizes = [count * step for step in self._steps[: len(own)]] + [self._shared]
+        for argument, size in zip(arguments, sizes, strict=True):  # the driver would not notice
+            if not (argument.size == size and argument.flags.c_contiguous):
+                raise ValueError(f"give {size} numbers side by side, got {argument.shape}")
+        work = np.empty(self._work[0], dtype=np.int64), np.empty(self._work[1])
+        integers, reals = (a.ctypes.data for a in work)
+        given, found = _addresses(arguments), _addresses(results)
+        self._run(count, self._steps, given, found, integers, reals)
+        return results
+
+
+def _addresses(arrays: Sequence[np.ndarray]) -> Any:
+    """Where the memory of arrays is."""
+    # ten times as fast as numpy's own ``ctypes`` attribute
+    found = [a.__array_interface__["data"][0] for a in arrays]
+    return (ctypes.c_void_p * len(found))(*found)
+
+
+def machine_code(function: ca.Function) -> ca.Function:
+    """Compile a Function, or give it back as it is, with a message, where that is not possible."""
+    library = compiled_library(generate(function), asked_for=True)
+    return function if library is None else ca.external(function.name(), str(library))
+
+
+def compiled_library(source: str, *, asked_for: bool) -> Path | None:
+    """Path of the shared library of a C source; None, with a message, where it cannot be made.
+
+    That there is no compiler is said only to who has ``asked_for`` one. Libraries are kept by the content of their source in the user's
+    cache folder (``OBSPLAN_CACHE`` names another), each built under a temporary name and renamed: processes may compile at once.
+    """
+    compiler = find_compiler()
+    if compiler is None:
+        if asked_for:
+            say_there_is_no_compiler()
+        return None
+    try:
+        return cached_library(source, compiler)
+    except subprocess.CalledProcessError as error:
+        detail = (error.stderr or str(error)).strip().splitlines()
+        reason = f"{compiler} failed ({detail[-1] if detail else error})"
+    except OSError as error:
+        reason = f"it cannot be kept ({error}; OBSPLAN_CACHE names another folder)"
+    log.warning("no generated code: %s; using CasADi's virtual machine", reason)
+    return None
+
+
+@cache
+def find_compiler() -> str | None:
+    """Path of the C compiler: ``CC`` in the environment, else cc, gcc or clang; None where there is none."""
+    names = filter(None, (os.environ.get("CC"), "cc", "gcc", "clang"))
+    return next((path for name in names if (path := shutil.which(name))), None)
+
+
+@cache
+def say_there_is_no_compiler() -> None:
+    """Say it once."""
+    log.warning(
+        "no C compiler found: using CasADi's virtual machine, with the same results, about three times slower"
+    )
+
+
+def generate(function: ca.Function) -> str:
+    """C source of a Function."""
+    generator = ca.CodeGenerator(function.name())
+    generator.add(function)
+    return generator.dump()
+
+
+def cached_library(source: str, compiler: str) -> Path:
+    """Path of the shared library for a source, compiled unless it is there already."""
+    folder = Path(
+        os.environ.get("OBSPLAN_CACHE")
+        or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "obsplan"
+    )
+    key = hashlib.sha256(
+        "\0".join((source, compiler_version(compiler), *FLAGS)).encode()
+    ).hexdigest()
+    library = folder / f"{key}.so"
+    if library.exists():
+        return library
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder) as work:
+        path = Path(work) / "step.c"
+        path.write_text(source)
+        command = [compiler, *FLAGS, str(path), "-o", str(path.with_suffix(".so")), "-lm"]
+        subprocess.run(command, check=True, capture_output=True, text=True)
+        path.with_suffix(".so").replace(library)
+    return library
+
+
+@cache
+def compiler_version(compiler: str) -> str:
+    """What the compiler says it is: another one makes another library."""
+    done = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=False)
+    return f"{compiler} {done.stdout}"

@@ -1,0 +1,170 @@
+r"""What AUVs know of themselves: covariances predicted between ranges, and conditioned on ranges.
+
+State of an AUV: (east, north [m], heading [rad], speed through the water [m/s]). Over a stage of h seconds at heading ψ and speed V
+
+.. math:: P \leftarrow F P F^\top + Q h + (A Q + Q A^\top) \tfrac{h^2}{2} + A Q A^\top \tfrac{h^3}{3}, \quad F = I + A h,
+
+A having the columns (-V sin ψ, V cos ψ) and (cos ψ, sin ψ) of the heading and the speed; A² = 0 makes it exact. The heading's own variance
+stays as it is: the compass makes up for its drift. At the stage's end n ranges of variance σ² bring, along the line of sight u with
+v normal to it and d the distance,
+
+.. math:: P \leftarrow (P^{-1} + u u^\top / R)^{-1}, \quad R = \sigma^2 / n + \tfrac{3}{4} (v^\top P v / d)^2.
+
+The second term is the mean square of the range's second-order error, which the filter neglects and which repeated ranges share; it keeps
+the aid vehicle away from an AUV that is closer than it is sure of. (Jazwinski 1970, section 9.3: second-order filters.) A squared range's
+is :math:`(\operatorname{tr} P)^2 + 2 \operatorname{tr} P^2`, that of the squared length of a Gaussian vector.
+"""
+
+from functools import cache, lru_cache
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+from jaxtyping import Float
+
+from .casadi import SX, of_each, symbol
+
+NEAREST = 1e-6  # unit of length; nearer ranges count as from there: from on top of an AUV they tell nothing
+
+
+class Ranging(NamedTuple):
+    """How ranges err."""
+
+    sigma: float  # [m], of a squared range [m^2]
+    squared: bool = False
+
+
+class Tracks(NamedTuple):
+    """Where M AUVs are expected at the end of each stage, and how they move during it."""
+
+    position: Float[np.ndarray, "S M 2"]  # [m]
+    heading: Float[np.ndarray, "S M"]  # [rad]
+    speed: Float[np.ndarray, "S M"]  # through the water [m/s]
+
+
+def symmetric(P: SX) -> SX:
+    """P with its upper triangle copied from the lower: rounding cannot make it lopsided, and half the work is saved."""
+    return ca.tril2symm(ca.tril(ca.densify(P)))
+
+
+@lru_cache(maxsize=8)
+def triangle(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of the lower triangle by columns, which is how covariances are packed."""
+    columns, rows = np.triu_indices(n)  # the upper triangle by rows
+    return rows, columns
+
+
+def pack(P: SX) -> SX:
+    """Lower triangle by columns."""
+    rows, columns = triangle(P.shape[0])
+    return ca.vec(P)[(rows + P.shape[0] * columns).tolist()]
+
+
+def unpack(packed: SX, n: int = 4) -> SX:
+    """Symmetric matrix of its lower triangle by columns."""
+    return ca.tril2symm(ca.SX(ca.Sparsity.lower(n), packed))
+
+
+def pack_array(P: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*batch half"]:
+    """Lower triangles by columns."""
+    rows, columns = triangle(P.shape[-1])
+    return np.ascontiguousarray(P[..., rows, columns])
+
+
+def unpack_array(packed: Float[np.ndarray, "*batch half"]) -> Float[np.ndarray, "*batch n n"]:
+    """Symmetric matrices of their lower triangles by columns."""
+    n = (int(np.sqrt(8 * packed.shape[-1] + 1)) - 1) // 2
+    rows, columns = triangle(n)
+    P = np.empty((*packed.shape[:-1], n, n))
+    P[..., rows, columns] = P[..., columns, rows] = packed
+    return P
+
+
+def propagate(P: SX, F: SX, Q: SX) -> SX:
+    """Covariance of F x + w, w of covariance Q."""
+    return symmetric(F @ P @ F.T + Q)
+
+
+def predict(P: SX, course: SX, noise: SX, duration: SX) -> SX:
+    """Covariance after a stage without ranges.
+
+    ``course``: cosine and sine of the heading, speed; ``noise``: standard deviations per square root of a second, the heading's without
+    effect.
+    """
+    cos, sin, speed = ca.vertsplit(course)
+    A = ca.SX(4, 4)
+    A[0, 2], A[1, 2], A[0, 3], A[1, 3] = -speed * sin, speed * cos, cos, sin
+    Q = ca.diag(ca.vertcat(noise[0] ** 2, noise[1] ** 2, 0, noise[3] ** 2))
+    h = duration
+    grown = Q * h + (A @ Q + Q @ A.T) * (h**2 / 2) + A @ Q @ A.T * (h**3 / 3)
+    return propagate(P, ca.SX.eye(4) + A * h, grown)
+
+
+def deviation(sigma: SX, x: SX) -> SX:  # noqa: ARG001 - the one place where it would depend on it
+    """Standard deviation of a range, or squared range, from the relative position x: the same from everywhere."""
+    return sigma
+
+
+def condition_on_range(P: SX, x: SX, *, sigma: SX, pings: SX, squared: bool) -> SX:
+    """Covariance after a number of ranges, or none, from the relative position x; see the module.
+
+    P may hold the whole state or, for what becomes of the position alone, its first two components. ``sigma`` is what `deviation` makes a
+    standard deviation of.
+    """
+    d2 = ca.fmax(ca.sumsqr(x), NEAREST**2)
+    over = 1 / d2
+    normal = ca.vertcat(-x[1], x[0])
+    Px = P[:, :2] @ x
+    along = ca.dot(x, Px[:2]) * over
+    variance = deviation(sigma, x) ** 2
+    if squared:
+        second = 0.25 * over * ((P[0, 0] + P[1, 1]) ** 2 + 2 * ca.sumsqr(P[:2, :2]))
+        variance *= 0.25 * over
+    else:
+        across = ca.dot(normal, P[:2, :2] @ normal) * over
+        second = 0.75 * over * across**2
+    gain = pings / ((variance + pings * (second + along)) * d2)
+    return P - gain * Px @ Px.T
+
+
+def predicted(
+    P: Float[np.ndarray, "*#batch 4 4"],
+    course: Float[np.ndarray, "*#batch 3"],
+    noise: Float[np.ndarray, "*#batch 4"],
+    duration: float,
+) -> Float[np.ndarray, "*batch 4 4"]:
+    """`predict` of arrays."""
+    return of_each(_predict(), P, course, noise, np.asarray(duration))[0]
+
+
+def conditioned(
+    P: Float[np.ndarray, "*#batch 4 4"],
+    x: Float[np.ndarray, "*#batch 2"],
+    ranging: Ranging,
+    pings: float,
+) -> Float[np.ndarray, "*batch 4 4"]:
+    """`condition_on_range` of arrays."""
+    function = _condition_on_range(ranging.squared)
+    return of_each(function, P, x, np.asarray(ranging.sigma), np.asarray(pings))[0]
+
+
+def courses(
+    heading: Float[np.ndarray, "*batch"], speed: Float[np.ndarray, "*batch"]
+) -> Float[np.ndarray, "*batch 3"]:
+    """Headings [rad] and speeds as `predict` takes them."""
+    return np.stack([np.cos(heading), np.sin(heading), speed], axis=-1)
+
+
+@cache
+def _predict() -> ca.Function:
+    P, course, noise, duration = (symbol("P", 4, 4), symbol("c", 3), symbol("q", 4), symbol("h"))
+    return ca.Function(
+        "predict", [P, course, noise, duration], [predict(P, course, noise, duration)]
+    )
+
+
+@cache
+def _condition_on_range(squared: bool) -> ca.Function:
+    P, x, sigma, pings = symbol("P", 4, 4), symbol("x", 2), symbol("sigma"), symbol("pings")
+    after = condition_on_range(P, x, sigma=sigma, pings=pings, squared=squared)
+    return ca.Function("condition", [P, x, sigma, pings], [after])
