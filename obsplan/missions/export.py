@@ -1,6 +1,7 @@
 """The simplest path that an autopilot takes: fewest waypoints on the path flown, near it in place and in time."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Integer
@@ -10,7 +11,9 @@ from obsplan.missions.flown_path import FlownPath, Room
 from obsplan.missions.mission import Track
 from obsplan.missions.writers.items import End, count_items
 
-DOUBLINGS, HALVINGS = 40, 4  # of the tolerances, until the items fit; then to 5 % of the least
+MOST_GROWTH = 2.0**30  # of the tolerances, by doubling, until the items fit
+HALVINGS = 4  # of that doubling, in octaves: to 5 % of the least
+WORTH = 4.0  # growth that legs within the limits are worth
 LONGEST_HOLD = 32767  # [s], in the sixteen bits of ArduPilot's store
 DECIMALS = range(2, 8)  # of a speed [m/s]: as few as keep the time
 
@@ -35,10 +38,13 @@ def simplify(
 ) -> Simplified:
     """Choose the fewest samples of a path as waypoints, so that the legs between them stay near it.
 
-    Of the missions of fewest waypoints it is that whose squared deviations are least. A leg that
-    would break a limit which the path keeps is not taken. Where the items are too many, or no legs
-    are long enough, both tolerances grow by the least factor that helps, to 5 %. Where even that
-    does not help, because the path keeps within less than a leg, its last part is left out.
+    Of the missions of fewest waypoints it is that whose squared deviations are least. Where the
+    items are too many, or no legs are long enough, both tolerances grow by the least factor that
+    helps, to 5 %. Where none helps, because the path keeps within less than a leg, its last part is
+    left out.
+
+    A leg that would break a limit which the path keeps is not taken, if the tolerances need not grow
+    by more than another factor of `WORTH` for that. Else legs break limits by their deviation at most.
 
     Speeds are commanded where the vehicle would otherwise be out of time: chords are shorter than
     arcs. Half of the time's tolerance is for that, half for what happens within a leg.
@@ -50,24 +56,35 @@ def simplify(
     end
         What happens at the last waypoint.
     """
-    path = FlownPath.of(flown, constraints)
+    path = FlownPath.of(flown, UNLIMITED)
     far = path.far_apart(room.spacing)
-    if far.size == 1:
+    growth, mission = _least(path, room, end, 1.0, MOST_GROWTH) if far.size > 1 else (1.0, None)
+    if mission is None:
         return _judged(path, far, room.timing, end)
-    found = None
-    exponent = -1
-    while found is None and exponent < DOUBLINGS:
-        exponent += 1
-        found = _fitted(path, room.times(2.0**exponent), end)
-    if found is None:
-        return _judged(path, far, room.timing, end)
-    low, high = exponent - 1.0, float(exponent)
-    for _ in range(HALVINGS if exponent else 0):
-        middle = (low + high) / 2
-        nearer = _fitted(path, room.times(2.0**middle), end)
+    if constraints.keep_out or constraints.geofence is not None:
+        limited = replace(path, constraints=constraints)
+        _, kept = _least(limited, room, end, growth, WORTH * growth)
+        return kept or mission
+    return mission
+
+
+def _least(
+    path: FlownPath, room: Room, end: End, low: float, most: float
+) -> tuple[float, Simplified | None]:
+    """The least growth of the tolerances from ``low`` on with which there is a mission, and it; None if there is none up to ``most``."""
+    mission = _fitted(path, room.times(low), end)
+    if mission is not None:
+        return low, mission
+    high = low
+    while mission is None and high < most:
+        low, high = high, min(2 * high, most)
+        mission = _fitted(path, room.times(high), end)
+    for _ in range(HALVINGS if mission is not None else 0):
+        middle = math.sqrt(low * high)
+        nearer = _fitted(path, room.times(middle), end)
         low, high = (middle, high) if nearer is None else (low, middle)
-        found = nearer or found
-    return found
+        mission = nearer or mission
+    return high, mission
 
 
 def _fitted(path: FlownPath, room: Room, end: End) -> Simplified | None:

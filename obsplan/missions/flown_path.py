@@ -27,8 +27,8 @@ class Room:
 
     items: int = 500  # home, speeds and the end's command included
     spacing: float = 2.0  # least length of a leg [m]: nearer waypoints are passed over
-    tolerance: float = 0.2  # greatest distance from the path [m]
-    timing: float = 2.0  # greatest time ahead of the plan or behind it [s]
+    tolerance: float = 0.5  # greatest distance from the path [m]
+    timing: float = 1.0  # greatest time ahead of the plan or behind it [s]
 
     def __post_init__(self) -> None:
         if self.items < 8:
@@ -188,6 +188,8 @@ class FlownPath:
         self, i: Integer[np.ndarray, " legs"], j: Integer[np.ndarray, " legs"]
     ) -> Bool[np.ndarray, " legs"]:
         """Whether legs keep within the fixed limits, as far as the path itself does from i to j."""
+        if not (self.constraints.keep_out or self.constraints.geofence is not None):
+            return np.ones(i.size, dtype=bool)
         legs = np.stack([self.points[i], self.points[j]], axis=1)
         kept = self._broken[j + 1] == self._broken[i]
         return self.constraints.keeps_legs(legs) | ~kept

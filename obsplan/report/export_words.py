@@ -14,7 +14,7 @@ from obsplan.report.export import (
 from obsplan.report.words import metres
 
 LARGE = 0.1  # share by which an error is larger than that of the path as flown
-SEEN = 0.05  # [m] of a violation
+SEEN = 0.01  # [m] of a violation
 WITHOUT_LIMITS = {"waypoints", "gpx", "csv"}  # formats that hold no areas
 
 
