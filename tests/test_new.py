@@ -1,5 +1,6 @@
 """A scenario made of a mission file: everything in the file is written, or said; what can be no survey is refused."""
 
+import shlex
 import tomllib
 
 import numpy as np
@@ -237,6 +238,8 @@ def test_names_are_quoted_where_they_are_pasted_and_where_they_are_toml(new):
     name = 'my "survey" \\ 1.fake'
     said, text = new(local(LAWN), name=name, out="my 'own'.toml")
     assert "my 'own'.toml" in said.splitlines()[-1]
+    command = next(line for line in text.splitlines() if "then: " in line).split("then: ")[1]
+    assert shlex.split(command) == ["obsplan", "run", "my 'own'.toml"]
     assert tomllib.loads(text)["auv"][0]["survey"]["file"] == name
 
 

@@ -164,6 +164,7 @@ def new(
 ) -> None:
     """Write a commented scenario around your own survey, ready to run, and say what was understood of it."""
     from obsplan.scenario.account import write_new
+    from obsplan.scenario.template import as_argument
     from obsplan.types import ObsplanError
 
     path = out or Path(f"{mission_file.stem}.toml")
@@ -173,7 +174,7 @@ def new(
         raise ObsplanError(f"{path} exists and is not overwritten; give another name with --out")
     for line in write_new(mission_file, path):
         say(line, indent=4)
-    say_next("run", str(path))
+    say_next("run", as_argument(path))
 
 
 def scenarios() -> None:

@@ -159,4 +159,4 @@ Corner = Annotated[
     AfterValidator(_corner),
 ]
 Corners = Annotated[tuple[Corner, ...], AfterValidator(_checked)]
-Point = Annotated[Corner, AfterValidator(_checked)]
+Position = Annotated[Corner, AfterValidator(_checked)]

@@ -9,16 +9,16 @@ from obsplan.missions import READERS
 from obsplan.planners import PLANNERS, planner_class
 from obsplan.scenario.base import NonNegative, Positive, Table
 from obsplan.scenario.export import ExportTable
-from obsplan.scenario.places import Corners, Degrees, Place, Point
+from obsplan.scenario.places import Corners, Degrees, Place, Position
 from obsplan.surveys import SURVEYS
+from obsplan.types import Point, Points
 
 # what the scenario itself tells a planner that has such a field: what a user may set otherwise, and what is not the planner's to set
 CONTEXT = ("center", "radius", "ping_interval", "sigma", "ranging_kind", "heading_sigma")
 FIXED = ("cna", "constraints", "decision_interval", "filed")
-PLACES: dict[str, Any] = {
-    "points": Corners,
-    "center": Point,
-}  # fields of surveys and planners that hold places
+
+# what a file holds where a constructor takes east and north: places, in metres or degrees
+IN_FILES: dict[Any, Any] = {Point: Position, Points: Corners}
 
 MISSION_FILE = f"mission file ({', '.join(READERS)}), relative to the scenario file"
 
@@ -37,7 +37,7 @@ def table_of(
             continue
         hint, default = hints[f.name], ... if f.default is MISSING else f.default
         description = hint.__metadata__[0] if hasattr(hint, "__metadata__") else ""
-        hint = PLACES.get(f.name, hint)
+        hint = IN_FILES.get(getattr(hint, "__origin__", hint), hint)
         if f.name in optional:
             hint, default = hint | None, None
         key, description = (

@@ -104,10 +104,10 @@ def quoted(text: str) -> str:
     return tomlkit.item(text).as_string()
 
 
-def pasted(path: Path | str) -> str:
-    """A path as it can be pasted behind a command."""
+def as_argument(path: Path | str) -> str:
+    """A path as a command takes it: none is an option."""
     text = str(path)
-    return shlex.quote(f"./{text}" if text.startswith("-") else text)
+    return f"./{text}" if text.startswith("-") else text
 
 
 def comment(text: str) -> str:
@@ -127,7 +127,7 @@ def _opening(understood: Understood, scenario_file: Path) -> str:
     lines = [
         comment(f"Survey {understood.file}, ranged by one aid vehicle."),
         comment(
-            f"Change what is not true of yours, then: obsplan run {pasted(scenario_file.name)}"
+            f"Change what is not true of yours, then: obsplan run {shlex.quote(as_argument(scenario_file.name))}"
         ),
         comment("Every key that may stand here: obsplan schema"),
         comment(f"Origin: {understood.origin_reason}."),
