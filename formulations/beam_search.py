@@ -6,14 +6,14 @@ would tell (`formulations.model.covariance`). It is one Function, run as machine
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 from jaxtyping import Float, Int
 
-from .model.arcs import arcs, compose
+from .model.arcs import arc, arcs, compose
 from .model.casadi import SX, Cases, symbol
 from .model.covariance import (
     Ranging,
@@ -35,7 +35,6 @@ AUV = (  # what a branching is told of an AUV: where it is at the last ranges an
     *("x_before", "y_before", "x", "y", "cos", "sin", "speed"),
     *("east_noise", "north_noise", "heading_noise", "speed_noise", "weight"),
 )
-ORIGIN = np.zeros(3)
 STAGE = ("duration", "share", "pings_before", "pings", "sigma")  # share: of the horizon
 UNROLLED = 500  # AUVs times turns, up to which the virtual machine runs a branching on scalars
 
@@ -49,6 +48,7 @@ class Manoeuvre(NamedTuple):
     """The best sequence of turns found."""
 
     turn_rates: Float[np.ndarray, " S"]  # [rad/s]
+    poses: Float[np.ndarray, "nodes 3"]  # at the beginning and the ends of the stages
     score: float  # the criterion [m^2], or [-] for log-det
     first_violation: float  # how far its first turn breaks a limit [m], at least 0
     violation: float  # how far the sequence does, at the points looked at [m], at least 0
@@ -150,33 +150,41 @@ def search_manoeuvres(
     turns = len(turn_rates)
     branch = branching(len(weights), turns, ranging.squared, criterion)
     told = _told(tracks, process_noise, weights, stages, turn_rates, speed, ranging)
-    first = np.zeros(turns) if first_violation is None else first_violation
-    limits = _Limits(violation=violation, first_violation=first, turn_rates=turn_rates, speed=speed)
-    limited = violation is not None or first_violation is not None
-    start = np.zeros(1)
-    beam, taken, elapsed = (
-        _Beam(pose[None], pack_array(covariance)[None], start, start, start),
-        [],
-        0.0,
-    )
-    for now, duration in zip(told, stages.duration.tolist(), strict=True):
-        costs, poses, predicted = branch(beam.pose, beam.covariance, now)
-        cost = (beam.cost[:, None] + costs).ravel()
-        if limited:
+    limits = None
+    if violation is not None or first_violation is not None:
+        first = np.zeros(turns) if first_violation is None else first_violation
+        limits = _Limits(
+            violation=violation, first_violation=first, turn_rates=turn_rates, speed=speed
+        )
+    none = np.zeros(1)
+    beam = _Beam(pose[None], pack_array(covariance)[None], none, none, none)
+    taken, elapsed = [], 0.0
+    for s, duration in enumerate(stages.duration.tolist()):
+        costs, poses, predicted = branch(beam.pose, beam.covariance, beam.cost, told[s])
+        cost = costs.ravel()
+        if limits is None:
+            keep = _cheapest(cost, beam_width if s < len(told) - 1 else 1)
+            broken = worst = none
+        else:
             keep, broken, worst = limits.best(
                 beam, cost, beam_width, elapsed=elapsed, duration=duration
             )
-        else:
-            keep = _cheapest(cost, beam_width)
-            broken = worst = np.zeros(keep.size)
-        parent = keep // turns
-        taken.append((parent, keep - turns * parent))
-        covariance = predicted.reshape(-1, len(weights), HALF)[parent]
-        beam = _Beam(poses.reshape(-1, 3)[keep], covariance, cost[keep], broken, worst)
+        taken.append((keep, beam.pose))
+        beam = _Beam(
+            pose=poses.reshape(-1, 3).take(keep, axis=0),
+            covariance=predicted.take(keep // turns, axis=0),
+            cost=cost.take(keep),
+            first=broken,
+            violation=worst,
+        )
         elapsed += duration
-    best = _followed_back(taken)
+    best, poses = _followed_back(taken, turns)
     return Manoeuvre(
-        turn_rates[best], float(beam.cost[0]), float(beam.first[0]), float(beam.violation[0])
+        turn_rates=turn_rates[best],
+        poses=np.array([*poses, beam.pose[0]]),
+        score=float(beam.cost[0]),
+        first_violation=float(beam.first[0]),
+        violation=float(beam.violation[0]),
     )
 
 
@@ -184,19 +192,24 @@ def search_manoeuvres(
 def branching(auvs: int, turns: int, squared: bool, criterion: str) -> Cases:
     """One stage of one sequence, for many sequences.
 
-    (pose, packed covariances: HALF x M, told) -> (costs: K, poses: 3 x K, packed covariances: HALF x M)
+    (pose, packed covariances: HALF x M, cost so far, told) -> (costs: K, poses: 3 x K, packed covariances: HALF x M)
 
     ``told`` holds ``AUV`` of each, ``STAGE`` and the moves of the turns, 3 x K, one after the other.
     """
-    sizes = {"pose": (3, 1), "P": (HALF, auvs), "told": (sum(_sizes(auvs, turns)), 1)}
-    pose, P, told = (ca.MX.sym(name, *size) for name, size in sizes.items())  # pyright: ignore[reportArgumentType, reportCallIssue]
+    sizes = {
+        "pose": (3, 1),
+        "P": (HALF, auvs),
+        "cost": (1, 1),
+        "told": (sum(_sizes(auvs, turns)), 1),
+    }
+    pose, P, cost, told = (ca.MX.sym(name, *size) for name, size in sizes.items())  # pyright: ignore[reportArgumentType, reportCallIssue]
     auv, stage, moves = ca.vertsplit(told, np.cumsum([0, *_sizes(auvs, turns)]).tolist())
     auv, moves = ca.reshape(auv, len(AUV), auvs), ca.reshape(moves, 3, turns)
     poses = _composed(turns)(pose, moves)
     repeated = [ca.repmat(part, 1, auvs) for part in (pose, poses, stage)]
     known, predicted = _branching_of_one(turns, squared, criterion).map(auvs)(P, auv, *repeated)
-    costs = stage[STAGE.index("share")] * (known @ auv[AUV.index("weight"), :].T)
-    function = ca.Function("branching", [pose, P, told], [costs, poses, predicted])
+    costs = cost + stage[STAGE.index("share")] * (known @ auv[AUV.index("weight"), :].T)
+    function = ca.Function("branching", [pose, P, cost, told], [costs, poses, predicted])
     return Cases(function, scalars=auvs * turns <= UNROLLED)
 
 
@@ -224,6 +237,15 @@ def _branching_of_one(turns: int, squared: bool, criterion: str) -> ca.Function:
     return ca.Function("of_one", [P, auv, pose, poses, stage], outputs)
 
 
+@cache
+def _moves() -> Cases:
+    """(turn rate, duration, speed) -> the arc from the origin."""
+    turn_rate, duration, speed = symbol("turn_rate"), symbol("duration"), symbol("speed")
+    move = arc(ca.SX.zeros(3), turn_rate, speed, duration)
+    function = ca.Function("moves", [turn_rate, duration, speed], [move])
+    return Cases(function, scalars=True)
+
+
 @lru_cache(maxsize=16)
 def _composed(turns: int) -> ca.Function:
     pose, moves = symbol("pose", 3), symbol("moves", 3, turns)
@@ -248,10 +270,10 @@ def _told(
 ) -> Float[np.ndarray, "S n"]:
     """What a branching is told at each stage; see `branching`."""
     S, M = tracks.heading.shape
-    sizes = _sizes(M, len(turn_rates))
-    told = np.empty((S, sum(sizes)))
-    auv, stage, moves = np.split(told, np.cumsum(sizes[:-1]), axis=1)
-    auv = auv.reshape(S, M, len(AUV))
+    of_auvs, of_stage, of_moves = _sizes(M, len(turn_rates))
+    told = np.empty((S, of_auvs + of_stage + of_moves))
+    auv = told[:, :of_auvs].reshape(S, M, len(AUV))
+    stage, moves = told[:, of_auvs : of_auvs + of_stage], told[:, of_auvs + of_stage :]
     auv[0, :, :2] = 0.0  # no ranges before the first stage
     auv[1:, :, :2] = tracks.position[:-1]
     auv[..., 2:4] = tracks.position
@@ -263,27 +285,37 @@ def _told(
     stage[0, 2], stage[1:, 2] = 0.0, stages.pings[:-1]
     stage[:, 3] = stages.pings
     stage[:, 4] = ranging.sigma
-    moves.reshape(S, -1, 3)[...] = arcs(ORIGIN, turn_rates, speed, stages.duration).swapaxes(0, 1)
+    every = np.tile(turn_rates, S), np.repeat(stages.duration, len(turn_rates))
+    moves[...] = _moves()(*every, np.array([speed]))[0].reshape(S, -1)
     return told
 
 
 def _cheapest(cost: Float[np.ndarray, " n"], count: int) -> Int[np.ndarray, " some"]:
-    """The cheapest sequences, the cheapest first; of equals those that come first."""
-    if count < cost.size:
-        bound = np.partition(cost, count - 1)[count - 1]
-        among = np.flatnonzero(~(cost > bound))  # what is no number counts as dearest
-    else:
-        among = np.arange(cost.size)
-    return among[np.argsort(cost[among], kind="stable")[:count]]
+    """The cheapest sequences, in their own order; of equals those that come first."""
+    if cost.size <= count:
+        return np.arange(cost.size)
+    ordered = cost.copy()
+    ordered.partition(count - 1)
+    dearer = cost > ordered[count - 1]  # what is no number counts as dearest, and is not dearer
+    (among,) = (~dearer).nonzero()
+    if among.size > count:
+        among = np.sort(among[cost[among].argsort(kind="stable")[:count]])
+    return among
 
 
-def _followed_back(taken: list[tuple[np.ndarray, np.ndarray]]) -> list[int]:
-    """Turns of the first sequence of the last beam, from the parents and turns of each stage's."""
-    turns, k = [], 0
-    for parent, turn in reversed(taken):
-        turns.append(int(turn[k]))
-        k = parent[k]
-    return turns[::-1]
+def _followed_back(
+    taken: list[tuple[np.ndarray, np.ndarray]], count: int
+) -> tuple[list[int], list[np.ndarray]]:
+    """Turns of the first sequence of the last beam, and the poses they began at.
+
+    Of each stage: which branches were kept, ``count`` coming from each sequence, and where the sequences were.
+    """
+    turns, poses, k = [], [], 0
+    for keep, pose in reversed(taken):
+        k, turn = divmod(int(keep[k]), count)
+        turns.append(turn)
+        poses.append(pose[k])
+    return turns[::-1], poses[::-1]
 
 
 def _best(

@@ -74,8 +74,11 @@ def arcs(
     """Poses after turns [rad/s] were held at speeds [m/s] for times [s]."""
     rates, heading = turn_rates[..., None], pose[..., None, 2]
     east, north = _moves(heading, rates, np.asarray(speed)[..., None], times)
-    turned = np.broadcast_to(heading + rates * times, east.shape)
-    return np.stack([pose[..., None, 0] + east, pose[..., None, 1] + north, turned], axis=-1)
+    poses = np.empty((*east.shape, 3))
+    poses[..., 0] = pose[..., None, 0] + east
+    poses[..., 1] = pose[..., None, 1] + north
+    poses[..., 2] = heading + rates * times
+    return poses
 
 
 def path(

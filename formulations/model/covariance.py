@@ -113,15 +113,15 @@ def condition_on_range(P: SX, x: SX, *, sigma: SX, pings: SX, squared: bool) -> 
     """
     d2 = ca.fmax(ca.sumsqr(x), NEAREST**2)
     over = 1 / d2
-    normal = ca.vertcat(-x[1], x[0])
     Px = P[:, :2] @ x
     along = ca.dot(x, Px[:2]) * over
+    trace = P[0, 0] + P[1, 1]
     variance = deviation(sigma, x) ** 2
     if squared:
-        second = 0.25 * over * ((P[0, 0] + P[1, 1]) ** 2 + 2 * ca.sumsqr(P[:2, :2]))
+        second = 0.25 * over * (trace**2 + 2 * ca.sumsqr(P[:2, :2]))
         variance *= 0.25 * over
     else:
-        across = ca.dot(normal, P[:2, :2] @ normal) * over
+        across = trace - along
         second = 0.75 * over * across**2
     gain = pings / ((variance + pings * (second + along)) * d2)
     return P - gain * Px @ Px.T

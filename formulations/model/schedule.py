@@ -22,7 +22,7 @@ def time_to_next(time: Any, interval: float) -> Any:
     Of a number, or of an expression.
     """
     since = ca.fmod(time, interval)
-    return interval - ca.if_else(since > (1 - ROUNDING) * interval, 0.0, since)
+    return interval - since * (since <= (1 - ROUNDING) * interval)
 
 
 def intervals(time: Any, interval: float) -> Any:

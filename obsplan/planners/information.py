@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from formulations.beam_search import search_manoeuvres, turn_candidates
-from formulations.model.arcs import path
 from formulations.model.covariance import Ranging, Tracks
 from formulations.model.schedule import Stages, ping_stages
 from formulations.solution import Status
@@ -102,7 +101,7 @@ class InformationHorizon:
         return Decision(
             turn_rate=turn_rate,
             speed=self.cna.speed,
-            path=path(state, best.turn_rates, self.cna.speed, stages.duration),
+            path=best.poses,
             score=best.score,
             status=status,
             condition=nothing,
@@ -135,11 +134,11 @@ class InformationHorizon:
 
 def predicted_tracks(auvs: Sequence[Belief], stages: Stages) -> Tracks:
     """Where the AUVs are expected at the end of each stage, and their mean velocity through the water during it."""
-    ends = np.concatenate([[0.0], np.cumsum(stages.duration)])
+    ends = np.zeros(stages.duration.size + 1)
+    stages.duration.cumsum(out=ends[1:])
     position = np.stack([auv.ahead(ends) for auv in auvs], axis=1)
-    water = np.diff(position, axis=0) / stages.duration[:, None, None] - np.array(
-        [auv.drift for auv in auvs]
-    )
+    moved = position[1:] - position[:-1]
+    water = moved / stages.duration[:, None, None] - np.array([auv.drift for auv in auvs])
     return Tracks(
         position[1:],
         np.arctan2(water[..., 1], water[..., 0]),
