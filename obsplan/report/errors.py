@@ -31,7 +31,7 @@ NEES_BAND = (0.0506, 7.378)  # 2.5 % and 97.5 % of chi-square with 2 degrees
 WIDTH, ROW = 11.0, 2.0  # of the figure, of a row [inch]
 SETTLED = 0.25  # of the mission: what comes later sets the scale of an error
 USUAL = 0.95  # quantile of what is stated: its rare peaks do not set the scale
-OVERSHOOT = 2.0  # times that scale, beyond which the rest of an axis is logarithmic
+OVERSHOOT = 1.5  # times that scale, beyond which the rest of an axis is logarithmic
 LINEAR = 0.75  # of such an axis that is linear
 ROUND = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0)  # times a power of ten: ends of a scale
 NEAR = 2.0  # times the greatest separation: a limit beyond is told, not drawn
@@ -116,10 +116,10 @@ def scale_errors(
     usual = float(np.nanquantile(said[late], USUAL)) if np.isfinite(said[late]).any() else 0.0
     settled = float(np.fmax.reduce(error[late], initial=usual))
     highest = float(np.fmax.reduce(np.fmax(error, said), initial=0.0))
+    if not highest > 0:
+        return
     for axes in panels:
-        if not highest > 0:
-            continue
-        if 0 < settled < highest / OVERSHOOT:
+        if 0 < settled and round_up(1.1 * settled) < highest / OVERSHOOT:
             _bend(axes, round_up(1.1 * settled), round_up(1.05 * highest), signed=signed)
         else:
             axes.set_ylim(-1.1 * highest if signed else 0.0, 1.1 * highest)
