@@ -54,11 +54,11 @@ class Disc:
         import shapely
 
         centre = shapely.Point(self.x, self.y)
-        return shapely.distance(centre, shapely.linestrings(legs)) >= self.radius
+        return np.asarray(shapely.distance(centre, shapely.linestrings(legs)) >= self.radius)
 
     def holds(self, legs: Float[np.ndarray, "n 2 2"]) -> Bool[np.ndarray, " n"]:
         """Whether straight legs stay inside."""
-        return (self.signed_distance(legs) <= 0).all(axis=-1)
+        return np.asarray((self.signed_distance(legs) <= 0).all(axis=-1))
 
 
 @dataclass(frozen=True, kw_only=True)

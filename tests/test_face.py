@@ -322,8 +322,8 @@ class Straight:
 
 def test_filter_that_fails_does_not_end_the_mission(monkeypatch):
     """Its covariance need not be one: here it is -1 times what it was."""
-    full_array = loop.full_array
-    monkeypatch.setattr(loop, "full_array", lambda lower: -full_array(lower))
+    unpack_array = loop.unpack_array
+    monkeypatch.setattr(loop, "unpack_array", lambda lower: -unpack_array(lower))
     planner = Straight()
     run = op.simulate(op.load("harbor-survey", settings=["duration=30.0"]), planner=planner)
     assert np.isfinite(run.cna).all()

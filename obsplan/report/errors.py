@@ -119,7 +119,7 @@ def scale_errors(
     if not highest > 0:
         return
     for axes in panels:
-        if 0 < settled and round_up(1.1 * settled) < highest / OVERSHOOT:
+        if settled > 0 and round_up(1.1 * settled) < highest / OVERSHOOT:
             _bend(axes, round_up(1.1 * settled), round_up(1.05 * highest), signed=signed)
         else:
             axes.set_ylim(-1.1 * highest if signed else 0.0, 1.1 * highest)
