@@ -285,12 +285,12 @@ def test_sentences_count_settings_where_they_are_many(grid):
     medians_of = grid.groupby(["ranging.sigma", "cna.speed", "planner"])["rms_error_m"].median().unstack()  # fmt: skip
     assert ratio == pytest.approx(stats.gmean(medians_of["gramian"] / medians_of["circle"]), abs=0.005)  # fmt: skip
     few = told(grid[grid["seed"] < 7])
-    assert "In 6 settings there are too few seeds" in few[1]
+    assert "In 6 of them there are too few seeds" in few[1]
     assert "(--runs 8)" in few[1]
     grid.loc[grid["planner"] == "circle", "violation_max_m"] = 2.0
     broken = told(grid)
     assert "circle in" not in broken[0]
-    assert broken[-1].startswith("circle broke a limit in 6 settings, by up to 2.00 m")
+    assert broken[-1].startswith("circle broke a limit in 6 of them, by up to 2.00 m")
 
 
 def test_settings_that_one_planner_lacks_are_compared_where_they_are_shared():

@@ -200,7 +200,7 @@ def setting(keys: list[str], labels: tuple) -> str:
 
 def tally(settings: list[Standing]) -> list[str]:
     """In how many settings each planner leads and by how much, whether more seeds could tell more, and who broke limits."""
-    led = [one for one in settings if one.rivals and one.eligible[0] not in one.broken]
+    led = [one for one in settings if one.eligible and one.eligible[0] not in one.broken]
     counts = Counter(one.eligible[0] for one in led)
     leads = [
         share(planner, [one for one in led if one.eligible[0] == planner])
@@ -210,17 +210,17 @@ def tally(settings: list[Standing]) -> list[str]:
         f"Lowest RMS error under the same noise, of {len(settings)} settings: {'; '.join(leads) or 'no planner'} (see pairs.csv)."
     ]
     comparisons = settings[0].comparisons
-    if few := sum(one.too_few for one in led):
+    if few := sum(bool(one.rivals) and one.too_few for one in led):
         least = fewest_pairs(comparisons)
         said.append(
-            f"In {few} settings there are too few seeds to tell any lead from chance: "
+            f"In {few} of them there are too few seeds to tell any lead from chance: "
             f"with {comparisons} comparisons that takes {least} (--runs {least})."
         )
     broke = Counter(planner for one in settings for planner in one.broken)
     for planner, count in broke.most_common():
         worst = max(one.broken.get(planner, 0.0) for one in settings)
         said.append(
-            f"{planner} broke a limit in {count} settings, by up to {metres(worst)}, and is counted as leading in none of these."
+            f"{planner} broke a limit in {count} of them, by up to {metres(worst)}, and is counted as leading in none of these."
         )
     return said
 
@@ -228,6 +228,8 @@ def tally(settings: list[Standing]) -> list[str]:
 def share(planner: str, led: list[Standing]) -> str:
     """In how many settings a planner leads, in how many of them beyond chance, and how far behind the next is."""
     certain = sum(one.winner == planner for one in led)
-    behind = [one.errors[next(iter(one.rivals))] / one.errors[planner] for one in led]
+    behind = [one.errors[next(iter(one.rivals))] / one.errors[planner] for one in led if one.rivals]
+    if not behind:
+        return f"{planner} in {len(led)}, as the only one within the limits"
     ratio = math.exp(sum(map(math.log, behind)) / len(behind))
     return f"{planner} in {len(led)} ({certain} beyond chance), the next with {ratio:.2f} times its error"
