@@ -29,6 +29,9 @@ LABEL_SHARE = 3  # one of so many parts of the width is a label's before its wor
 def open_door() -> None:
     """Print something plainer for a letter that the terminal's encoding lacks, where an error would end the program."""
     codecs.register_error("plainer", plainer)
+    if sys.stdout is None or sys.stderr is None:  # closed by who started us
+        nobody = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - until the end
+        sys.stdout, sys.stderr = sys.stdout or nobody, sys.stderr or nobody
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="plainer")
@@ -94,9 +97,9 @@ def put(text: str, stream: TextIO | None = None) -> None:
     Raises
     ------
     ObsplanError
-        The stream cannot be written for another reason.
+        Standard output cannot be written for another reason.
     """
-    stream = stream or sys.stdout
+    stream = stream or cast("TextIO", sys.stdout)
     try:
         stream.write(text)
         stream.flush()
@@ -104,7 +107,7 @@ def put(text: str, stream: TextIO | None = None) -> None:
         nobody = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nobody, stream.fileno())
         os.close(nobody)
-        if not isinstance(error, BrokenPipeError):
+        if stream is not sys.stderr and not isinstance(error, BrokenPipeError):
             raise unwritable(error) from error
 
 

@@ -1,5 +1,6 @@
 """Which planner leads, by how much, and whether that could be chance: the words of comparisons and campaigns."""
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
+# pyright: reportIndexIssue=false, reportOperatorIssue=false, reportReturnType=false
 # because pandas is not typed: its columns may be anything
 
 from dataclasses import dataclass

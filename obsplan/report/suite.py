@@ -1,5 +1,6 @@
 """Planners over a suite of scenarios: who wins where, by how much, at what cost, and how far all are from the physical limit."""
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportReturnType=false
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
+# pyright: reportReturnType=false
 # because pandas is not typed: its columns may be anything
 
 from collections.abc import Callable, Sequence
