@@ -185,7 +185,7 @@ def test_errors_of_a_filter_without_uncertainty_are_drawn(formation):
         formation, covariance=np.zeros_like(formation.covariance), mean=formation.truth
     )
     with warnings.catch_warnings():
-        warnings.simplefilter("error")
+        warnings.simplefilter("error", RuntimeWarning)  # of numpy
         certain.__dict__["cramer_rao"] = (
             certain.covariance
         )  # no information matrix has an inverse here
