@@ -28,10 +28,11 @@ FILES = {
 
 
 def obsplan(*arguments, cwd, code=0, env=None):
+    widthless = {key: value for key, value in os.environ.items() if key != "COLUMNS"}
     done = subprocess.run(
         [*PROGRAM, *map(str, arguments)],
         cwd=cwd,
-        env=os.environ | (env or {}),
+        env=widthless | (env or {}),
         capture_output=True,
         text=True,
         check=False,

@@ -210,8 +210,9 @@ def test_our_own_waypoint_file_gives_our_own_track_back(tmp_path):
     write_waypoints(path, Mission(tracks={"cna": Track(points=ours)}, geographic=True))
     again = read_mission(path)
     np.testing.assert_allclose(again.tracks["cna"].points, ours, rtol=0, atol=1e-9)
-    (remark,) = again.remarks
-    assert remark.endswith("row 0, is the home, where the vehicle was: not flown to")
+    home, end = again.remarks
+    assert home.endswith("row 0, is the home, where the vehicle was: not flown to")
+    assert end.startswith("loiters without limit")
 
 
 def test_rows_are_numbered_by_their_order_whatever_the_index_says(tmp_path):
