@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from formulations.model.arcs import arcs
 from obsplan.constraints import Constraints, Disc
 from obsplan.missions import Area, Mission, Track, to_geographic
 from obsplan.missions.export import Simplified, simplify
@@ -147,11 +148,7 @@ def flown_track(run: Run, sagitta: float) -> tuple[Track, float]:
     bulge = float(np.max(abs(turn_rate) * speed, initial=0.0)) * step**2 / 8
     parts = max(1, int(np.ceil(np.sqrt(bulge / sagitta))))
     since = step * np.arange(parts) / parts
-    half = 0.5 * turn_rate[:, None] * since
-    chord = speed[:, None] * since * np.sinc(half / np.pi)
-    course = run.cna[:-1, 2, None] + half
-    along = np.stack([chord * np.cos(course), chord * np.sin(course)], axis=-1)
-    points = (run.cna[:-1, None, :2] + along).reshape(-1, 2)
+    points = arcs(run.cna[:-1], turn_rate, speed, since)[..., :2].reshape(-1, 2)
     time = (run.time[:-1, None] + since).ravel()
     track = Track(points=np.vstack([points, run.cna[-1:, :2]]), time=np.append(time, run.time[-1]))
     return track, bulge / parts**2

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from formulations import empirical_gramian
+from formulations.model.arcs import path
 
 SIGNS = np.diag(
     [-1.0, -1.0, 1.0]
@@ -86,17 +87,8 @@ def headings(heading: float, turns: Turns) -> Float[np.ndarray, " samples"]:
 
 def displacement(heading: float, turns: Turns) -> Float[np.ndarray, "samples 2"]:
     """Where a unicycle of 1 m/s is, less where it began [m]: exact arcs."""
-    half = 0.5 * turns * HORIZON / INTERVALS
-    middle, chord = (
-        headings(heading, turns)[:-1] + half,
-        HORIZON / INTERVALS * np.sinc(half / np.pi),
-    )
-    return np.concatenate(
-        [
-            np.zeros((1, 2)),
-            np.cumsum(np.column_stack([chord * np.cos(middle), chord * np.sin(middle)]), axis=0),
-        ]
-    )
+    start = np.array([0.0, 0.0, heading])
+    return path(start, turns, 1.0, HORIZON / INTERVALS)[:, :2]
 
 
 def relative(W: Float[np.ndarray, "n n"], other: Float[np.ndarray, "n n"]) -> float:
