@@ -1,8 +1,8 @@
 """A path as it was flown, and the fewest of its samples that do as waypoints."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import count
 
 import numpy as np
 from jaxtyping import Bool, Float, Integer
@@ -12,6 +12,11 @@ from obsplan.missions.mission import Track
 
 STANDING = 1e-6  # [m] from sample to sample; a vehicle that moves less stands
 COARSE = 0.02  # share of the tolerances for what lies between the samples that may be waypoints
+EVERY, STRIDE = (
+    64,
+    1.1,
+)  # legs end at each of the next possible waypoints, then at every tenth farther
+LOOKED_AT = 64  # possible waypoints between the ends of a leg, where there are more
 MOST_COARSE = 20  # of these for each item: with more, the items are not enough by far
 
 
@@ -162,17 +167,19 @@ class FlownPath:
         """Legs between possible waypoints that fit: where they begin and end among these, and their squared deviations.
 
         A path near a leg is near its parts, to twice the tolerance (Agarwal et al., Algorithmica 42,
-        2005, lemma 3.3): beyond that no farther end is looked at.
+        2005, lemma 3.3): beyond that no farther end is looked at. Of what lies between the ends of
+        long legs only a part is looked at: whether a mission fits is measured in the end.
         """
         room = room.times(1.0 - COARSE)
         found = []
         begin = np.arange(len(possible) - 1)
-        for ahead in count(1):
+        for ahead in _aheads(len(possible)):
             begin = begin[begin + ahead < len(possible)]
             if not begin.size:
                 break
             i, j = possible[begin], possible[begin + ahead]
-            between = possible[begin[:, None] + np.arange(1, ahead)]
+            inner = np.linspace(1, ahead - 1, min(ahead - 1, LOOKED_AT)).round().astype(int)
+            between = possible[begin[:, None] + inner]
             distance, late = self.misfit(i[:, None], j[:, None], between)
             distance, late = distance.max(axis=1, initial=0.0), late.max(axis=1, initial=0.0)
             long = np.hypot(*(self.points[j] - self.points[i]).T) >= room.spacing
@@ -199,6 +206,14 @@ class FlownPath:
         """How many samples before each one are outside the fixed limits."""
         outside = self.constraints.fixed_violation(self.points) > 0
         return np.append(0, np.cumsum(outside))
+
+
+def _aheads(count: int) -> Iterator[int]:
+    """How far ahead legs may end, among so many places."""
+    ahead = 1
+    while ahead < count:
+        yield ahead
+        ahead = max(ahead + 1, int(STRIDE * ahead) if ahead >= EVERY else 0)
 
 
 def _shortest(
