@@ -1,10 +1,12 @@
 """The suite of scenarios, and what is said of planners on it."""
 
+import io
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
+from rich.console import Console
 
 from obsplan.report.suite import (
     decision_time,
@@ -13,6 +15,7 @@ from obsplan.report.suite import (
     read_suite,
     scenario_table,
     suite_figure,
+    suite_sentences,
     suite_table,
     write_suite,
 )
@@ -89,7 +92,7 @@ def test_the_lowest_median_wins_and_what_is_not_distinguishable_ties(two):
 def test_the_best_on_the_whole_stands_beside_the_best_other_of_each_scenario(two):
     three = pd.concat([two, table({("a", "ugly"): [9.0] * 20, ("b", "ugly"): [0.5] * 20})])
     result = read_suite(three, {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0, "ugly": 3.0})
-    columns = {column.header: list(column.cells) for column in scenario_table(result).columns}
+    columns = {str(column.header): list(column.cells) for column in scenario_table(result).columns}
     assert result.planners["planner"][0] == "good"
     assert columns["Scenario"] == ["a", "b"]
     assert columns["Best other"] == ["bad", "ugly"]
@@ -98,6 +101,34 @@ def test_the_best_on_the_whole_stands_beside_the_best_other_of_each_scenario(two
     assert columns["Efficiency"] == ["0.50", "0.50"]
     alone = read_suite(two[two["planner"] == "good"], {"a": 0.25, "b": 0.25}, {"good": 1.0})
     assert [list(column.cells) for column in scenario_table(alone).columns][2] == ["", ""]
+
+
+def test_sentence_names_who_leads_how_often_beyond_chance_and_by_how_much(two):
+    """Good wins in a beyond chance, bad in b by a thousandth; the mean ratio of bad is sqrt(2 * 0.999...)."""
+    (sentence,) = suite_sentences(
+        read_suite(two, {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0})
+    )
+    assert sentence.startswith(
+        "good leads on the whole: lowest median error in 1 of 2 scenarios, in 1 of them beyond chance; bad comes"
+    )
+    assert "with 1.41 times its error in the mean" in sentence
+    few = read_suite(two[two["seed"] < 5], {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0})
+    told = suite_sentences(few)
+    assert "in 0 of them beyond chance" in told[0]
+    assert told[1].startswith("With fewer than 6 seeds")
+    worse = two.assign(violation_max_m=[*np.linspace(-1.0, 3.0, 20), *[-1.0] * 60])
+    told = suite_sentences(read_suite(worse, {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0}))
+    assert told[0].startswith("bad leads on the whole")  # good broke a limit in a
+    assert "in 0 of them beyond chance" in told[0]  # in a it has no rival
+    assert told[1] == "good broke a limit, by up to 3.00 m."
+
+
+def test_headings_say_their_units(two):
+    result = read_suite(two, {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0})
+    console = Console(width=200, file=io.StringIO())
+    console.print(suite_table(result), scenario_table(result))
+    assert "Decision [ms]" in console.file.getvalue()
+    assert console.file.getvalue().count("RMS [m]") == 2
 
 
 def test_planner_that_always_fails_is_last_wins_nothing_and_ties_with_none(two, tmp_path):
@@ -137,7 +168,7 @@ def test_planner_that_breaks_a_limit_does_not_win_there_and_is_marked(two):
     assert cells.loc[("a", "good"), "ratio"] == pytest.approx(0.5)
     assert not cells.loc[("a", "good"), "ties"]
     assert cells.loc[("a", "bad"), "ratio"] == 1.0
-    table_ = {column.header: list(column.cells) for column in suite_table(result).columns}
+    table_ = {str(column.header): list(column.cells) for column in suite_table(result).columns}
     assert table_["Planner"] == ["bad", "good †"]
     assert table_["Limit broken by [m]"] == ["kept", "0.70"]
     figure = suite_figure(result)
@@ -150,7 +181,7 @@ def test_where_every_planner_breaks_a_limit_the_lowest_error_wins_marked(two):
     broken = two.assign(violation_max_m=1.0)
     result = read_suite(broken, {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0})
     assert result.planners.set_index("planner")["wins"].to_dict() == {"good": 1, "bad": 1}
-    columns = {column.header: list(column.cells) for column in suite_table(result).columns}
+    columns = {str(column.header): list(column.cells) for column in suite_table(result).columns}
     assert all(name.endswith("†") for name in columns["Planner"])
 
 

@@ -196,12 +196,8 @@ def suite_table(suite: Suite) -> "Table":
         "Decision [ms]",
         "Limit broken by [m]",
     )
-    table = Table(
-        "Planner",
-        *headings,
-        title="RMS error against the best planner of each scenario",
-        title_justify="left",
-    )
+    table = Table(title="RMS error against the best planner of each scenario", title_justify="left")
+    add_columns(table, ["Planner", *headings], words=("Planner", "in"))
     for row in suite.planners.itertuples():
         numbers = (
             f"{row.mean_ratio:.2f}",
@@ -220,17 +216,21 @@ def suite_table(suite: Suite) -> "Table":
     return table
 
 
+def add_columns(table: "Table", headings: Sequence[str], words: Sequence[str]) -> None:
+    """Add columns, those of numbers justified to the right; units in brackets are no markup."""
+    from rich.text import Text
+
+    for heading in headings:
+        table.add_column(Text(heading), justify="left" if heading in words else "right")
+
+
 def suite_sentences(suite: Suite) -> list[str]:
     """Say who leads on the whole, how often beyond chance and by how much, and who broke limits."""
     first, *others = suite.planners.to_dict("records")
-    led = suite.cells[suite.cells["ratio"] == 1.0]
-    level = suite.cells[suite.cells["ties"]].groupby("scenario").size()
-    alone = sum(
-        level[scenario] == 1 for scenario in led[led["planner"] == first["planner"]]["scenario"]
-    )
+    scenarios = suite.cells["scenario"].nunique()
     said = (
         f"{first['planner']} leads on the whole: lowest median error in {first['wins']} of "
-        f"{suite.cells['scenario'].nunique()} scenarios, in {alone} of them beyond chance"
+        f"{scenarios} scenarios, in {beyond_chance(suite, first['planner'])} of them beyond chance"
     )
     if others:
         behind = others[0]["mean_ratio"] / first["mean_ratio"]
@@ -246,22 +246,23 @@ def suite_sentences(suite: Suite) -> list[str]:
     return [f"{said}.", *([few] if suite.cells["missions"].min() < FEWEST else []), *broken]
 
 
+def beyond_chance(suite: Suite, planner: str) -> int:
+    """In how many scenarios a planner leads all others that kept the limits, if there are any, beyond chance."""
+    cells = suite.cells.dropna(subset="rms_error_m")
+    led = cells[(cells["planner"] == planner) & (cells["ratio"] == 1.0)]["scenario"]
+    rivals = cells[(cells["planner"] != planner) & ~cells["broke"] & cells["scenario"].isin(led)]
+    highest = rivals.groupby("scenario")["p"].max().to_numpy()
+    return int(np.count_nonzero(highest <= LEVEL))
+
+
 def scenario_table(suite: Suite) -> "Table":
     """Tabulate, scenario by scenario, the planner that is best on the whole beside the best of the others."""
     from rich.table import Table
 
     first = suite.planners["planner"].iloc[0]
-    table = Table(
-        "Scenario",
-        "RMS [m]",
-        "Best other",
-        "RMS [m]",
-        "Ratio",
-        "p",
-        "Efficiency",
-        title=f"{first}, by scenario",
-        title_justify="left",
-    )
+    table = Table(title=f"{first}, by scenario", title_justify="left")
+    headings = ("Scenario", "RMS [m]", "Best other", "RMS [m]", "Ratio", "p", "Efficiency")
+    add_columns(table, headings, words=("Scenario", "Best other"))
     for name, cells in suite.cells.groupby("scenario"):
         own, others = (
             cells[cells["planner"] == first].iloc[0],
