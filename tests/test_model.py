@@ -10,7 +10,7 @@ import pytest
 from oracles import arc as complex_arc
 
 from formulations.model import arcs as exact
-from formulations.model.arcs import arcs, compose, path, path_gradient, sinc
+from formulations.model.arcs import arcs, compose, one_arc, path, path_gradient, sinc
 from formulations.model.casadi import symbol
 from formulations.model.covariance import (
     NEAREST,
@@ -47,6 +47,13 @@ def test_arcs_are_those_of_complex_numbers():
     for i, j, k in np.ndindex(4, 5, 3):
         expected = complex_arc(pose[i, 0], rates[i, j], 1.7, times[k])
         np.testing.assert_allclose(found[i, j, k], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("turn_rate", [0.0, 1e-2, -0.2, 3.0])
+def test_one_arc_is_that_of_complex_numbers(turn_rate):
+    pose = (3.0, -2.0, 0.7)
+    end = one_arc(pose, turn_rate, 1.5, 0.8)
+    np.testing.assert_allclose(end, complex_arc(pose, turn_rate, 1.5, 0.8), rtol=0, atol=1e-13)
 
 
 def test_path_is_one_arc_after_the_other():

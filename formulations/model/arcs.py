@@ -5,11 +5,13 @@ r"""Exact arcs: how a unicycle moves at a constant turn rate u and speed V (thes
 Poses are (east, north [m], heading [rad], counter-clockwise from east), or the same in any frame and unit of length.
 """
 
+from functools import cache
+
 import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from .casadi import SX, Elementwise
+from .casadi import SX, Elementwise, evaluate
 
 SERIES_TERMS = 9  # of sinc below 1: the last is 1/17! = 3e-15
 
@@ -79,6 +81,23 @@ def arcs(
     poses[..., 1] = pose[..., None, 1] + north
     poses[..., 2] = heading + rates * times
     return poses
+
+
+@cache
+def _one_arc() -> ca.Function:
+    given = ca.SX.sym("given", 6)  # pose, turn rate, speed, duration
+    return ca.Function("one_arc", [given], [arc(given[:3], given[3], given[4], given[5])])
+
+
+def one_arc(
+    pose: tuple[float, float, float], turn_rate: float, speed: float, duration: float
+) -> tuple[float, float, float]:
+    """Pose after one turn [rad/s] at a speed [m/s] for a time [s]."""
+    given = np.array([*pose, turn_rate, speed, duration], dtype=float)
+    end = np.empty(3)
+    evaluate(_one_arc(), [given], [end])
+    x, y, heading = end.tolist()
+    return x, y, heading
 
 
 def path(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from formulations.model.arcs import one_arc
 from formulations.solution import Status
 from obsplan.missions import Track
 from obsplan.types import Belief, Decision, Pose
@@ -129,12 +130,8 @@ def pursue(pose: Pose, aim: tuple[float, float], speed: float, cna: Unicycle) ->
 
 
 def moved(pose: Pose, turn_rate: float, speed: float, duration: float) -> Pose:
-    """Where a vehicle is after an arc."""
-    half = 0.5 * turn_rate * duration
-    chord = speed * duration * (math.sin(half) / half if half else 1.0)
-    x = pose.x + chord * math.cos(pose.heading + half)
-    y = pose.y + chord * math.sin(pose.heading + half)
-    return Pose(x, y, pose.heading + 2.0 * half)
+    """Where a vehicle is after an arc: turn rate [rad/s] and speed [m/s] held for a time [s]."""
+    return Pose(*one_arc((pose.x, pose.y, pose.heading), turn_rate, speed, duration))
 
 
 def in_wider_turns(
