@@ -18,20 +18,21 @@ _HOME = {
     "Decision": "types",
     "Disc": "constraints",
     "ErrorEllipse": "planners.error_ellipse",
-    "Filed": "planners.filed",
+    "Filed": "planning.filed",
     "Formation": "surveys",
     "GramianHorizon": "planners.gramian",
     "InformationHorizon": "planners.information",
     "Lawnmower": "surveys",
     "ObsplanError": "types",
     "PathInertia": "planners.path_inertia",
-    "Planner": "planners.protocol",
+    "Planner": "planning.interface",
     "Polygon": "constraints",
     "Pose": "types",
     "RandomTurns": "planners.random_turns",
     "Reference": "surveys",
     "Run": "run",
     "Scenario": "scenario",
+    "Situation": "planning.situation",
     "Static": "surveys",
     "Stationary": "planners.stationary",
     "Status": "types",
@@ -55,16 +56,17 @@ if TYPE_CHECKING:
     from obsplan.planners.centroid_orbit import CentroidOrbit as CentroidOrbit
     from obsplan.planners.circle import Circle as Circle
     from obsplan.planners.error_ellipse import ErrorEllipse as ErrorEllipse
-    from obsplan.planners.filed import Filed as Filed
     from obsplan.planners.gramian import GramianHorizon as GramianHorizon
     from obsplan.planners.information import InformationHorizon as InformationHorizon
     from obsplan.planners.path_inertia import PathInertia as PathInertia
-    from obsplan.planners.protocol import Planner as Planner
     from obsplan.planners.random_turns import RandomTurns as RandomTurns
     from obsplan.planners.stationary import Stationary as Stationary
     from obsplan.planners.trail import Trail as Trail
     from obsplan.planners.trajectory import Trajectory as Trajectory
     from obsplan.planners.whole_mission import WholeMission as WholeMission
+    from obsplan.planning.filed import Filed as Filed
+    from obsplan.planning.interface import Planner as Planner
+    from obsplan.planning.situation import Situation as Situation
     from obsplan.report.files import write_run as write_run
     from obsplan.run import Run as Run
     from obsplan.scenario import Scenario as Scenario

@@ -90,20 +90,31 @@ class Belief:
         return np.array([x, y]) + np.asarray(times)[:, None] * velocity
 
 
+def no_poses() -> Float[np.ndarray, "0 3"]:
+    """Predict nothing."""
+    return np.empty((0, 3))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
     """The manoeuvre a planner chose: turn rate and speed to hold until the next decision.
 
-    ``path`` holds the predicted poses (east, north, heading), the current one first, or none; ``score`` is the planner's own objective in
-    its own unit; ``condition`` the predicted condition number per AUV, nan where the planner has none.
+    ``predict`` makes the predicted poses, which are `path`; default: none. ``score`` is the planner's
+    own objective in its own unit; ``condition`` the predicted condition number per AUV, nan where the
+    planner has none.
     """
 
     turn_rate: float  # [rad/s], positive to the left
     speed: float  # [m/s]
-    path: Float[np.ndarray, "steps 3"] = field(default_factory=lambda: np.empty((0, 3)))
+    predict: Callable[[], np.ndarray] = field(default=no_poses, repr=False, compare=False)
     score: float = float("nan")
     status: Status = Status.OPTIMAL
     condition: Float[np.ndarray, " auvs"] = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def path(self) -> Float[np.ndarray, "steps 3"]:
+        """Predicted poses (east [m], north [m], heading [rad]), the current one first; made when asked for."""
+        return self.predict()
 
     @property
     def radius(self) -> float:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.integrate import quad_vec
 
+from formulations.model.covariance import Ranging
+from obsplan.planning.situation import Situation
 from obsplan.scenario import from_dict
 
 
@@ -215,3 +217,11 @@ class NumpyEkf:
         gain = self.P @ H / (H @ self.P @ H + sigma**2)
         self.x = self.x + gain * innovation
         self.P = self.P - np.outer(gain, H @ self.P)
+
+
+def told(planner, cna, *, sigma=1.0, ranging_kind="range", **given):
+    """A planner of a class: what is its situation's goes there, the rest is its options."""
+    names = ("ping_interval", "heading_sigma", "decision_interval", "constraints", "filed")
+    known = {name: given.pop(name) for name in names if name in given}
+    ranging = Ranging(sigma, squared=ranging_kind == "squared-range")
+    return planner(Situation(cna, ranging=ranging, **known), **given)

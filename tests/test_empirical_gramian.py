@@ -125,7 +125,7 @@ def test_many_controls_in_one_simulation_are_many_gramians():
 class Arcs:
     """A simulator as pybounds wants it."""
 
-    def simulate(self, x0, u, aux=None, **_):  # noqa: ARG002
+    def simulate(self, x0, u, aux=None, **_):
         return arc_outputs(np.asarray(x0, dtype=float), RATE, TIMES)
 
 

@@ -40,8 +40,8 @@ class Straight:
 cna = op.Unicycle(speed=1.0, min_turn_radius=0.5)
 pond = op.Polygon(points=np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0]]))
 limits = op.Constraints(keep_out=(op.Disc(x=3.0, y=1.0, radius=0.5), pond), min_separation=2.0)
-horizon: op.Planner = op.InformationHorizon(cna, ping_interval=15.0, sigma=1.0, constraints=limits)
-circle: op.Planner = op.Circle(cna, center=np.zeros(2), radius=5.0)
+horizon: op.Planner = op.InformationHorizon(op.Situation(cna, ping_interval=15.0, constraints=limits))
+circle: op.Planner = op.Circle(op.Situation(cna), center=np.zeros(2), radius=5.0)
 line = op.Waypoints(points=[[0.0, 0.0], [10.0, 0.0]]).reference(speed=1.0, current=np.zeros(2))
 belief = op.Belief(mean=np.zeros(4), covariance=np.eye(4), course=line.position)
 decision = horizon.plan(op.Pose(0.0, 0.0, 0.0), [belief, op.Belief.at(1.0, 2.0)], time=3.0)
@@ -65,7 +65,7 @@ cna = op.Unicycle(speed=1.0, min_turn_radius=0.5)
 op.Unicycle(sped=1.0, min_turn_radius=0.5)  # wrong
 op.Belif.at(0.0, 0.0)  # wrong
 op.Belief.at(0.0, 0.0, heading_deg=3.0)  # wrong
-op.Trail(cna, lag=3.0)  # wrong
+op.Trail(op.Situation(cna), lag=3.0)  # wrong
 op.load("harbor-survey", planer="circle")  # wrong
 op.load("harbor-survey").replace(planner=cna)  # wrong
 run = op.simulate("harbor-survey", seed=7)
@@ -223,11 +223,11 @@ def test_points_may_be_given_as_tuples_lists_or_arrays(points):
 
 def test_centre_of_a_circle_may_be_an_array():
     cna = op.Unicycle(speed=1.0, min_turn_radius=0.5)
-    circle = op.Circle(cna, center=np.array([1, 2]), radius=3.0)
-    assert circle == op.Circle(cna, center=(1.0, 2.0), radius=3.0)
+    circle = op.Circle(op.Situation(cna), center=np.array([1, 2]), radius=3.0)
+    assert circle == op.Circle(op.Situation(cna), center=(1.0, 2.0), radius=3.0)
     assert circle.plan(op.Pose(4.0, 2.0, np.pi / 2), []).radius == pytest.approx(3.0)
     with pytest.raises(ValueError, match=r"a point must be two numbers.*got \[1\.0, 2\.0, 3\.0\]"):
-        op.Circle(cna, center=np.array([1.0, 2.0, 3.0]), radius=3.0)
+        op.Circle(op.Situation(cna), center=np.array([1.0, 2.0, 3.0]), radius=3.0)
 
 
 @pytest.mark.usefixtures("as_shipped")
@@ -305,9 +305,7 @@ def test_mean_of_another_shape_is_refused(mean):
 @pytest.mark.parametrize("odd", [np.nan, np.inf])
 def test_belief_that_is_not_finite_is_answered_by_planners_not_refused(odd):
     belief = op.Belief.at(odd, 0.0, covariance=np.full((4, 4), odd))
-    planner = op.InformationHorizon(
-        op.Unicycle(speed=1.0, min_turn_radius=0.5), ping_interval=15.0, sigma=1.0
-    )
+    planner = op.InformationHorizon(op.Situation(op.Unicycle(speed=1.0, min_turn_radius=0.5)))
     assert planner.plan(op.Pose(0.0, 0.0, 0.0), [belief]).status is op.Status.INVALID_INPUT
 
 
@@ -315,7 +313,7 @@ class Straight:
     def __init__(self):
         self.told = []
 
-    def plan(self, pose, auvs, *, time=0.0):  # noqa: ARG002 - the protocol's signature
+    def plan(self, pose, auvs, *, time=0.0):
         self.told += auvs
         return op.Decision(turn_rate=0.0, speed=1.0)
 
@@ -369,7 +367,7 @@ class Cells(HTMLParser):
         self.feed(page)
         self.close()
 
-    def handle_starttag(self, tag, attrs):  # noqa: ARG002 - the parser's signature
+    def handle_starttag(self, tag, attrs):
         self.tags.append(tag)
         if tag == "tr":
             self.rows.append([])

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from oracles import AGGREGATES, METRICS, arc, scenario
+from oracles import AGGREGATES, METRICS, arc, scenario, told
 from scipy.integrate import quad_vec
 
 import obsplan as op
@@ -125,7 +125,9 @@ def test_takes_the_best_candidate_of_brute_force_whatever_it_takes_into_account(
         "ranging_kind": "range",
         "heading_sigma": 0.05,
     } | options
-    planner = op.GramianHorizon(CNA, turn_rates=9, metric=metric, aggregate=aggregate, **options)
+    planner = told(
+        op.GramianHorizon, CNA, turn_rates=9, metric=metric, aggregate=aggregate, **options
+    )
     for time in (0.0, 7.4, 9.0):
         believed = list(auvs(rng))
         totals = brute_force(believed, options, time=time, metric=metric, aggregate=aggregate)
@@ -139,9 +141,9 @@ def test_each_of_the_options_changes_what_is_decided():
     common = {"horizon": 11.0, "ping_interval": 3.0}
     for _ in range(15):
         believed, (x, y, heading) = list(auvs(rng)), POSE
-        plain = op.GramianHorizon(CNA, **common).plan(op.Pose(x, y, heading), believed)
+        plain = told(op.GramianHorizon, CNA, **common).plan(op.Pose(x, y, heading), believed)
         for i, options in enumerate(OPTIONS):
-            decision = op.GramianHorizon(CNA, **common | options).plan(
+            decision = told(op.GramianHorizon, CNA, **common | options).plan(
                 op.Pose(x, y, heading), believed
             )
             changed[i] += decision.turn_rate != plain.turn_rate
@@ -202,12 +204,19 @@ def test_with_the_range_sensors_noise_distance_alone_earns_nothing(distance):
         "gramian": "thesis",
     }
     auv = op.Belief.at(distance, 0.3 * distance)
-    planner = op.GramianHorizon(CNA, metric="log-det", block="position", turn_rates=9, **options)
+    planner = told(
+        op.GramianHorizon, CNA, metric="log-det", block="position", turn_rates=9, **options
+    )
     decision = planner.plan(op.Pose(0.0, 0.0, 0.2), [auv])
     total = 6 / 0.5**2  # six pings, each 1 / sigma^2 on some line
     assert -decision.score <= 2 * math.log(total / 2) + 1e-9  # split evenly at best
-    raw = op.GramianHorizon(
-        CNA, metric="log-det", block="position", turn_rates=9, **options | {"noise": "unit"}
+    raw = told(
+        op.GramianHorizon,
+        CNA,
+        metric="log-det",
+        block="position",
+        turn_rates=9,
+        **options | {"noise": "unit"},
     )
     far, near = raw.plan(op.Pose(-600.0, 0.0, 0.2), [auv]), raw.plan(op.Pose(0.0, 0.0, 0.2), [auv])
     assert (
@@ -218,7 +227,7 @@ def test_with_the_range_sensors_noise_distance_alone_earns_nothing(distance):
 def test_covariances_that_are_zero_leave_the_weights_as_they_are():
     believed = [op.Belief.at(5.0, 1.0), op.Belief.at(-3.0, 8.0, weight=2.0)]
     plans = [
-        op.GramianHorizon(CNA, weighting=w).plan(op.Pose(*POSE), believed)
+        op.GramianHorizon(op.Situation(CNA), weighting=w).plan(op.Pose(*POSE), believed)
         for w in ("fixed", "covariance")
     ]
     assert plans[0].score == plans[1].score
@@ -232,13 +241,16 @@ def test_horizon_is_given_in_seconds_or_circles():
         ({"circles": 1.5, "horizon": 7.0}, 7.0),
     ]:
         plans = [
-            op.GramianHorizon(CNA, **given).plan(op.Pose(*POSE), [op.Belief.at(9.0, 2.0)])
+            told(op.GramianHorizon, CNA, **given).plan(op.Pose(*POSE), [op.Belief.at(9.0, 2.0)])
             for given in (options, {"horizon": seconds})
         ]
         assert plans[0].score == pytest.approx(plans[1].score, rel=1e-12)
-    assert op.GramianHorizon(CNA, sampling="pings", ping_interval=15.0).look_ahead == 45.0
+    assert (
+        op.GramianHorizon(op.Situation(CNA, ping_interval=15.0), sampling="pings").look_ahead
+        == 45.0
+    )
     assert op.GramianHorizon(
-        CNA, sampling="pings", ping_interval=0.1, horizon=2.0
+        op.Situation(CNA, ping_interval=0.1), sampling="pings", horizon=2.0
     ).look_ahead == pytest.approx(2.0)
 
 
@@ -265,7 +277,7 @@ def test_horizon_is_given_in_seconds_or_circles():
 )
 def test_options_that_make_no_sense_are_refused_by_name_and_value(options, message):
     with pytest.raises(ValueError, match=message):
-        op.GramianHorizon(CNA, **options)
+        told(op.GramianHorizon, CNA, **options)
 
 
 def test_scenario_tells_its_sensors():
@@ -273,13 +285,9 @@ def test_scenario_tells_its_sensors():
         planner={"kind": "gramian"},
         ranging={"interval": 3.0, "kind": "squared-range", "sigma": 4.0, "heading_sigma_deg": 2.0},
     )
-    planner = mission.planner()
-    assert (planner.ping_interval, planner.ranging_kind, planner.sigma) == (
-        3.0,
-        "squared-range",
-        4.0,
-    )
-    assert planner.heading_sigma == pytest.approx(math.radians(2.0))
+    known = mission.planner().situation
+    assert (known.ping_interval, *known.ranging) == (3.0, 4.0, True)
+    assert known.heading_sigma == pytest.approx(math.radians(2.0))
 
 
 # Limits
@@ -294,7 +302,7 @@ def test_limits_that_bind_nothing_change_nothing():
             op.Pose(*rng.uniform([-20, -20, -3], [20, 20, 3]).tolist()),
         )
         free, limited = (
-            op.GramianHorizon(CNA, constraints=limits).plan(pose, believed)
+            op.GramianHorizon(op.Situation(CNA, constraints=limits)).plan(pose, believed)
             for limits in (Constraints(), far)
         )
         assert (limited.turn_rate, limited.score, limited.status) == (
@@ -308,10 +316,12 @@ def test_limits_that_bind_nothing_change_nothing():
 
 def test_candidate_that_breaks_a_limit_over_the_horizon_is_left_out_where_others_do_not():
     believed, pose = [op.Belief.at(-6.0, 9.0)], op.Pose(0.0, 0.0, 0.0)
-    free = op.GramianHorizon(CNA, horizon=10.0).plan(pose, believed)
+    free = op.GramianHorizon(op.Situation(CNA), horizon=10.0).plan(pose, believed)
     there = arc((0.0, 0.0, 0.0), free.turn_rate, 2.0, 8.0)[:2]
     wall = Constraints(keep_out=(Disc(x=float(there[0]), y=float(there[1]), radius=2.5),))
-    decision = op.GramianHorizon(CNA, horizon=10.0, constraints=wall).plan(pose, believed)
+    decision = op.GramianHorizon(op.Situation(CNA, constraints=wall), horizon=10.0).plan(
+        pose, believed
+    )
     assert decision.status == Status.OPTIMAL
     along = [
         arc((0.0, 0.0, 0.0), decision.turn_rate, 2.0, t)[:2] for t in np.linspace(0, 10, 17)[1:]
@@ -321,7 +331,7 @@ def test_candidate_that_breaks_a_limit_over_the_horizon_is_left_out_where_others
 
 def test_where_no_allowed_candidate_is_regular_the_straightest_is_taken():
     far, ahead = [op.Belief.at(1e9, 0.0)], Constraints(keep_out=(Disc(x=12.0, y=0.0, radius=4.0),))
-    decision = op.GramianHorizon(CNA, constraints=ahead, turn_rates=9).plan(
+    decision = op.GramianHorizon(op.Situation(CNA, constraints=ahead), turn_rates=9).plan(
         op.Pose(0.0, 0.0, 0.0), far
     )
     assert decision.status == Status.UNOBSERVABLE

@@ -6,7 +6,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from oracles import Spy, arc, scenario
+from oracles import Spy, arc, scenario, told
 from scipy.stats import ttest_rel
 
 import formulations.beam_search as search
@@ -21,7 +21,7 @@ CNA = op.Unicycle(speed=2.0, min_turn_radius=5.0)
 
 
 def planner(**options):
-    return op.InformationHorizon(CNA, **{"ping_interval": 2.0, "sigma": 1.0} | options)
+    return told(op.InformationHorizon, CNA, **{"ping_interval": 2.0, "sigma": 1.0} | options)
 
 
 def belief(x, y, sigma=2.0, **change):
@@ -193,7 +193,7 @@ def test_keeps_its_distance_from_an_auv_that_is_not_sure_of_its_place(monkeypatc
 def test_beliefs_that_are_no_numbers_are_said_to_be_so(change):
     cna = op.Unicycle(speed=2.0, min_turn_radius=5.0)
     auv = replace(op.Belief.at(30.0, 0.0, speed=1.0, covariance=np.eye(4)), **change)
-    decision = op.InformationHorizon(cna, ping_interval=2.0, sigma=1.0).plan(
+    decision = op.InformationHorizon(op.Situation(cna, ping_interval=2.0)).plan(
         op.Pose(0.0, 0.0, 0.0), [auv]
     )
     assert decision.status == Status.INVALID_INPUT

@@ -10,7 +10,7 @@ from oracles import NumpyEkf, Spy, scenario
 
 import obsplan as op
 from formulations.solution import Status
-from obsplan.planners.protocol import Command
+from obsplan.planning.expressions import Command
 
 CURRENT = (0.4, -0.3)
 
@@ -137,7 +137,7 @@ class Echo:
         return op.Decision(
             turn_rate=0.1,
             speed=1.0,
-            path=path,
+            predict=lambda: path,
             score=float(told[self.thing]),
             status=Status.OPTIMAL,
         )

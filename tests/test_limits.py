@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracles import Spy, arc, recording, scenario
+from oracles import Spy, arc, recording, scenario, told
 
 import obsplan as op
 from formulations.solution import Status
 from obsplan.constraints import Constraints, Disc, Polygon
 from obsplan.planners import PLANNERS
-from obsplan.planners.limits import expected, within_limits
+from obsplan.planning.limits import expected, within_limits
 
 SQUARE = Polygon(points=((-40.0, -40.0), (40.0, -40.0), (40.0, 40.0), (-40.0, 40.0)))
 CNA = op.Unicycle(speed=2.0, min_turn_radius=5.0)
@@ -25,9 +25,8 @@ IGNORANT = [
 
 def kept(wanted, pose, auvs=(), **limits):
     """The manoeuvre flown in place of one that is wanted."""
-    return within_limits(
-        wanted, pose, list(auvs), cna=CNA, constraints=Constraints(**limits), interval=2.0
-    )
+    situation = op.Situation(CNA, decision_interval=2.0, constraints=Constraints(**limits))
+    return within_limits(wanted, pose, list(auvs), situation)
 
 
 def wanted(turn_rate=0.0, speed=2.0):
@@ -129,9 +128,9 @@ def test_separation_is_kept_farther_from_an_auv_that_is_not_sure_of_its_place():
 @pytest.mark.parametrize(
     "planner",
     [
-        lambda **given: op.InformationHorizon(CNA, ping_interval=2.0, sigma=1.0, **given),
-        lambda **given: op.GramianHorizon(CNA, **given),
-        lambda **given: op.Trajectory(CNA, ping_interval=2.0, sigma=1.0, **given),
+        lambda **given: told(op.InformationHorizon, CNA, ping_interval=2.0, sigma=1.0, **given),
+        lambda **given: told(op.GramianHorizon, CNA, **given),
+        lambda **given: told(op.Trajectory, CNA, ping_interval=2.0, sigma=1.0, **given),
     ],
     ids=["information", "gramian", "trajectory"],
 )
@@ -182,7 +181,7 @@ def test_planners_that_know_no_limits_are_kept_within_them_between_decisions_too
 def test_a_planner_made_without_the_scenarios_limits_is_kept_within_them_too():
     fence = [[60.0, -60.0], [110.0, -60.0], [110.0, -5.0], [60.0, -5.0]]
     mission = scenario(constraints={"geofence": fence}, duration=60.0)
-    unaware = op.InformationHorizon(mission.cna, ping_interval=2.0, sigma=1.0)
+    unaware = op.InformationHorizon(op.Situation(mission.cna, ping_interval=2.0))
     run = op.simulate(mission, planner=unaware)
     assert Status.LIMITED.label in run.status_counts
     assert run.violation.max() < 1e-3
@@ -205,7 +204,7 @@ def test_keep_outs_hold_even_where_auvs_come_too_near():
 
 def test_a_users_planner_is_kept_within_limits_and_one_that_knows_them_is_left_alone():
     class Straight:
-        def plan(self, pose, auvs, *, time=0.0):  # noqa: ARG002
+        def plan(self, pose, auvs, *, time=0.0):
             return op.Decision(turn_rate=0.0, speed=2.0)
 
     mission = scenario(

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from oracles import AGGREGATES, METRICS, arc, horizon_totals, scenario
+from oracles import AGGREGATES, METRICS, arc, horizon_totals, scenario, told
 from scipy.integrate import trapezoid
 from scipy.optimize import minimize
 
@@ -22,7 +22,7 @@ NAN, INF = float("nan"), float("inf")
 @pytest.mark.parametrize("gamma", [-0.1, NAN, INF])
 def test_path_inertia_refuses_a_gamma_below_zero(gamma):
     with pytest.raises(ValueError, match=f"gamma must be zero or positive and finite, got {gamma}"):
-        op.PathInertia(CNA, gamma=gamma)
+        op.PathInertia(op.Situation(CNA), gamma=gamma)
 
 
 def test_path_inertia_scores_with_the_condition_number_of_the_inertia_of_its_circle():
@@ -33,7 +33,9 @@ def test_path_inertia_scores_with_the_condition_number_of_the_inertia_of_its_cir
             op.Belief.at(*map(float, place), weight=weight)
             for place, weight in zip(places, (1.0, 2.0), strict=True)
         ]
-        decision = op.PathInertia(CNA, gamma=0.5, objective=objective).plan(pose, auvs)
+        decision = op.PathInertia(op.Situation(CNA), gamma=0.5, objective=objective).plan(
+            pose, auvs
+        )
         turn = np.linspace(0, 2 * np.pi, 360, endpoint=False)
         r = decision.radius
         circle = np.array([pose.x, pose.y]) + r * np.array(
@@ -49,7 +51,7 @@ def test_path_inertia_scores_with_the_condition_number_of_the_inertia_of_its_cir
 
 
 def test_path_inertia_on_its_limit_says_so_and_turns_to_the_side_of_the_auv():
-    near = op.PathInertia(CNA, gamma=0.0)
+    near = op.PathInertia(op.Situation(CNA), gamma=0.0)
     left = near.plan(op.Pose(0.0, 0.0, 0.0), [op.Belief.at(3.0, 0.2)])
     right = near.plan(op.Pose(0.0, 0.0, 0.0), [op.Belief.at(3.0, -0.2)])
     ahead = near.plan(op.Pose(0.0, 0.0, 0.0), [op.Belief.at(3.0, 0.0)])
@@ -63,7 +65,7 @@ def test_path_inertia_on_its_limit_says_so_and_turns_to_the_side_of_the_auv():
 
 def one_auv(**options):
     """Decision about one AUV at the origin from (1, 0), heading north: the reference of the literature."""
-    return op.GramianHorizon(CNA, **options).plan(
+    return told(op.GramianHorizon, CNA, **options).plan(
         op.Pose(1.0, 0.0, np.pi / 2), [op.Belief.at(0.0, 0.0)]
     )
 
@@ -93,7 +95,12 @@ PLACES, WEIGHTS = np.array([(3.0, 1.5), (-1.0, -2.5), (0.5, 4.0)]), (1.0, 0.0, 2
 @pytest.mark.parametrize("gramian", ["exact", "thesis"])
 def test_gramian_horizon_takes_the_best_candidate_of_brute_force(gramian, metric, aggregate):
     planner = op.GramianHorizon(
-        CNA, gramian=gramian, metric=metric, aggregate=aggregate, turn_rates=9, horizon=1.7
+        op.Situation(CNA),
+        gramian=gramian,
+        metric=metric,
+        aggregate=aggregate,
+        turn_rates=9,
+        horizon=1.7,
     )
     auvs = [op.Belief.at(*map(float, p), weight=w) for p, w in zip(PLACES, WEIGHTS, strict=True)]
     rates = np.linspace(2, -2, 9)
@@ -154,18 +161,18 @@ def test_thesis_variant_leaves_the_heading_out_of_the_range_and_decides_otherwis
 
 @pytest.mark.parametrize("gramian", ["exact", "thesis", "empirical"])
 def test_of_equals_the_leftmost_is_taken(gramian):
-    ahead = op.GramianHorizon(CNA, gramian=gramian).plan(
+    ahead = op.GramianHorizon(op.Situation(CNA), gramian=gramian).plan(
         op.Pose(0.0, 0.0, 0.0), [op.Belief.at(5.0, 0.0)]
     )
     assert ahead.turn_rate > 0
-    nudged = op.GramianHorizon(CNA, gramian=gramian).plan(
+    nudged = op.GramianHorizon(op.Situation(CNA), gramian=gramian).plan(
         op.Pose(0.0, 0.0, 0.0), [op.Belief.at(5.0, -0.1)]
     )
     assert nudged.turn_rate != 0
 
 
 def test_where_no_candidate_observes_every_auv_it_goes_straight_on_and_says_so():
-    far = op.GramianHorizon(CNA).plan(
+    far = op.GramianHorizon(op.Situation(CNA)).plan(
         op.Pose(0.0, 0.0, 0.0), [op.Belief.at(1e9, 0.0)]
     )  # the condition number grows as d⁴
     assert far.status == Status.UNOBSERVABLE
@@ -175,9 +182,13 @@ def test_where_no_candidate_observes_every_auv_it_goes_straight_on_and_says_so()
 def test_gramian_horizon_looks_two_thirds_of_the_smallest_circle_ahead():
     slow = op.Unicycle(speed=0.7, min_turn_radius=3.0)
     pose, auvs = op.Pose(1.0, 2.0, 0.3), [op.Belief.at(4.0, -3.0)]
-    stated = op.GramianHorizon(slow, horizon=2 / 3 * 2 * np.pi * 3.0 / 0.7).plan(pose, auvs)
-    assert op.GramianHorizon(slow).plan(pose, auvs).score == pytest.approx(stated.score, rel=1e-12)
-    assert op.GramianHorizon(slow).candidates[[0, -1]] == pytest.approx(
+    stated = op.GramianHorizon(op.Situation(slow), horizon=2 / 3 * 2 * np.pi * 3.0 / 0.7).plan(
+        pose, auvs
+    )
+    assert op.GramianHorizon(op.Situation(slow)).plan(pose, auvs).score == pytest.approx(
+        stated.score, rel=1e-12
+    )
+    assert op.GramianHorizon(op.Situation(slow)).candidates[[0, -1]] == pytest.approx(
         np.array([0.7 / 3, -0.7 / 3])
     )
 
@@ -185,7 +196,7 @@ def test_gramian_horizon_looks_two_thirds_of_the_smallest_circle_ahead():
 @pytest.mark.parametrize(
     ("option", "value", "message"),
     [
-        ("turn_rates", 1, "turn_rates must be at least 2 candidates, got 1"),
+        ("turn_rates", 1, "turn_rates must be at least 2, got 1"),
         ("horizon", 0.0, r"horizon must be positive and finite \[s\], got 0.0"),
         ("horizon", NAN, r"horizon must be positive and finite \[s\], got nan"),
         ("horizon", INF, r"horizon must be positive and finite \[s\], got inf"),
@@ -193,7 +204,7 @@ def test_gramian_horizon_looks_two_thirds_of_the_smallest_circle_ahead():
 )
 def test_gramian_horizon_refuses_by_name_and_value(option, value, message):
     with pytest.raises(ValueError, match=message):
-        op.GramianHorizon(CNA, **{option: value})
+        told(op.GramianHorizon, CNA, **{option: value})
 
 
 # Circle
@@ -210,7 +221,7 @@ def flown(planner, pose, steps, dt):
 
 @pytest.mark.parametrize("radius", [0.5, 3.0])
 def test_circle_starts_on_itself_and_stays_there_over_ten_turns(radius):
-    planner = op.Circle(CNA, center=(3.0, -2.0), radius=radius)
+    planner = op.Circle(op.Situation(CNA), center=(3.0, -2.0), radius=radius)
     start = planner.initial_pose(op.Pose(10.0, 4.0, 1.0))
     poses = flown(planner, start, 400, 2 * np.pi * radius / 40)
     off = np.hypot(poses[:, 0] - 3.0, poses[:, 1] + 2.0) - radius
@@ -219,7 +230,7 @@ def test_circle_starts_on_itself_and_stays_there_over_ten_turns(radius):
 
 
 def test_circle_starts_at_its_point_nearest_to_the_vehicle_on_the_tangent():
-    start = op.Circle(CNA, center=(3.0, -2.0), radius=2.0).initial_pose(
+    start = op.Circle(op.Situation(CNA), center=(3.0, -2.0), radius=2.0).initial_pose(
         op.Pose(9.0, 6.0, 1.0)
     )  # a 3-4-5 triangle
     assert (start.x, start.y) == pytest.approx((3.0 + 1.2, -2.0 + 1.6))
@@ -228,7 +239,9 @@ def test_circle_starts_at_its_point_nearest_to_the_vehicle_on_the_tangent():
     )
     there = op.Pose(9.0, 6.0, 1.0)
     assert (
-        op.Circle(CNA, center=(3.0, -2.0), radius=2.0, start_on_circle=False).initial_pose(there)
+        op.Circle(
+            op.Situation(CNA), center=(3.0, -2.0), radius=2.0, start_on_circle=False
+        ).initial_pose(there)
         == there
     )
 
@@ -255,16 +268,16 @@ def test_circle_tighter_than_the_vehicle_turns_is_refused():
         ValueError,
         match=r"radius of the circle must be at least the turning radius 0\.5 m, got 0\.4",
     ):
-        op.Circle(CNA, center=(0.0, 0.0), radius=0.4)
+        op.Circle(op.Situation(CNA), center=(0.0, 0.0), radius=0.4)
     with pytest.raises(
         ValueError,
         match=r"radius of the circle must be at least the turning radius 0\.5 m, got nan",
     ):
-        op.Circle(CNA, center=(0.0, 0.0), radius=NAN)
+        op.Circle(op.Situation(CNA), center=(0.0, 0.0), radius=NAN)
     with pytest.raises(
         ValueError, match=r"center of the circle must be finite \[m\], got \(nan, 0\.0\)"
     ):
-        op.Circle(CNA, center=(NAN, 0.0), radius=1.0)
+        op.Circle(op.Situation(CNA), center=(NAN, 0.0), radius=1.0)
 
 
 def test_circle_of_a_scenario_just_encloses_the_survey_unless_it_is_given():
@@ -277,11 +290,16 @@ def test_circle_of_a_scenario_just_encloses_the_survey_unless_it_is_given():
         method="Nelder-Mead",
         options={"xatol": 1e-9, "fatol": 1e-12, "maxiter": 2000},
     )
-    planner = mission.planner()
-    assert planner.radius == pytest.approx(best.fun, rel=1e-6)
-    assert farthest(planner.center) == pytest.approx(planner.radius, rel=1e-12)
-    assert scenario(planner={"kind": "circle", "radius": 77.0}).planner().radius == 77.0
-    assert scenario(planner={"kind": "circle", "center": (1.0, 2.0)}).planner().center == (1.0, 2.0)
+    circle = mission.planner().circle
+    assert circle.radius == pytest.approx(best.fun, rel=1e-6)
+    assert farthest((circle.x, circle.y)) == pytest.approx(circle.radius, rel=1e-12)
+    assert scenario(planner={"kind": "circle", "radius": 77.0}).planner().circle.radius == 77.0
+    moved = scenario(planner={"kind": "circle", "center": (1.0, 2.0)}).planner().circle
+    assert (moved.x, moved.y) == (1.0, 2.0)
+    with pytest.raises(
+        ValueError, match="give center and radius of the circle: no survey is known"
+    ):
+        op.Circle(op.Situation(CNA), radius=1.0)
 
 
 # Stationary

@@ -54,7 +54,10 @@ def sailing(x, y, heading, speed, weight=1.0):
 def test_orbit_stays_at_its_radius_from_the_moving_centroid(speed, start, side):
     auvs = [sailing(-10.0, 0.0, 0.3, speed, 1.0), sailing(10.0, 6.0, 0.3, speed, 3.0)]
     poses, _ = flown(
-        CentroidOrbit(CNA, orbit_radius=25.0), start, lambda t: [auv(t) for auv in auvs], 500
+        CentroidOrbit(op.Situation(CNA), orbit_radius=25.0),
+        start,
+        lambda t: [auv(t) for auv in auvs],
+        500,
     )
     time = 0.5 * np.arange(501)
     center = np.array([[5.0, 4.5]]) + speed * time[:, None] * [
@@ -75,12 +78,12 @@ def test_orbit_is_by_default_a_turning_diameter_beyond_the_farthest_auv():
         op.Belief.at(12.0, 0.0, weight=2.0),
         op.Belief.at(500.0, 0.0, weight=0.0),
     ]
-    decision = CentroidOrbit(CNA).plan(op.Pose(8.0, 30.0, 0.0), auvs)
+    decision = CentroidOrbit(op.Situation(CNA)).plan(op.Pose(8.0, 30.0, 0.0), auvs)
     assert decision.score == pytest.approx((30.0 - (8.0 + 10.0)) ** 2)
     with pytest.raises(
         ValueError, match=r"orbit_radius must be at least the turning radius 5\.0 m, got 4\.9"
     ):
-        CentroidOrbit(CNA, orbit_radius=4.9)
+        CentroidOrbit(op.Situation(CNA), orbit_radius=4.9)
 
 
 # Trail
@@ -90,7 +93,10 @@ def test_orbit_is_by_default_a_turning_diameter_beyond_the_farthest_auv():
 def test_trail_takes_its_place_and_slows_to_the_speed_of_the_auvs(behind, left):
     auv = sailing(3.0, 4.0, 0.7, 0.8)
     poses, speeds = flown(
-        Trail(CNA, behind=behind, left=left), (60.0, -20.0, 2.0), lambda t: [auv(t)], 400
+        Trail(op.Situation(CNA), behind=behind, left=left),
+        (60.0, -20.0, 2.0),
+        lambda t: [auv(t)],
+        400,
     )
     ahead, abeam = (
         np.array([math.cos(0.7), math.sin(0.7)]),
@@ -106,7 +112,7 @@ def test_trail_takes_its_place_and_slows_to_the_speed_of_the_auvs(behind, left):
 
 
 def test_trail_turns_no_tighter_when_it_is_slow():
-    decision = Trail(CNA).plan(
+    decision = Trail(op.Situation(CNA)).plan(
         op.Pose(-10.0, 0.0, 3.0), [op.Belief.at(0.0, 0.0, speed=0.3)]
     )  # in its place, the wrong way round
     assert decision.speed == pytest.approx(0.3)
@@ -135,7 +141,7 @@ def test_trail_keeps_its_place_in_the_current():
 
 def test_trail_refuses_a_place_that_is_no_number():
     with pytest.raises(ValueError, match=r"behind and left must be finite \[m\], got 3.0 and nan"):
-        Trail(CNA, behind=3.0, left=math.nan)
+        Trail(op.Situation(CNA), behind=3.0, left=math.nan)
 
 
 # Error ellipse
@@ -168,7 +174,7 @@ def test_error_ellipse_takes_the_turn_that_leaves_least_variance_across_the_next
                     weights=[1, 2],
                 )
             )
-        decision = ErrorEllipse(CNA, ping_interval=6.0).plan(
+        decision = ErrorEllipse(op.Situation(CNA, ping_interval=6.0)).plan(
             op.Pose(*map(float, pose)), auvs, time=time
         )
         assert decision.score == pytest.approx(min(left), rel=1e-9)
@@ -181,7 +187,7 @@ def test_error_ellipse_of_a_moving_auv_is_where_it_will_be():
         mean=np.array([11.0, 0.0, 0.0, 1.3]), covariance=moving.covariance, drift=(0.2, 0.0)
     )
     plans = [
-        ErrorEllipse(CNA, ping_interval=6.0).plan(op.Pose(0.0, 3.0, 0.5), [auv])
+        ErrorEllipse(op.Situation(CNA, ping_interval=6.0)).plan(op.Pose(0.0, 3.0, 0.5), [auv])
         for auv in (still, moving)
     ]
     assert plans[1].turn_rate == plans[0].turn_rate
@@ -190,7 +196,9 @@ def test_error_ellipse_of_a_moving_auv_is_where_it_will_be():
 
 def test_error_ellipse_brings_the_line_of_sight_to_the_long_axis():
     auv = uncertain(0.0, 0.0, 1.2)
-    poses, _ = flown(ErrorEllipse(CNA, ping_interval=4.0), (40.0, 0.0, 1.0), lambda _t: [auv], 80)
+    poses, _ = flown(
+        ErrorEllipse(op.Situation(CNA, ping_interval=4.0)), (40.0, 0.0, 1.0), lambda _t: [auv], 80
+    )
     sight = np.arctan2(poses[:, 1], poses[:, 0]) - 1.2
     assert np.abs(np.sin(sight)).min() < 0.02
     assert abs(math.sin(sight[0])) > 0.9
@@ -201,7 +209,10 @@ def test_error_ellipse_at_a_ping_waits_for_the_next_one_however_its_time_is_roun
         1.0,
         -1.0,
     ):  # one of them is not what it does when no time is left for any turn to matter
-        planner, pose = ErrorEllipse(CNA, ping_interval=0.7), op.Pose(9.0, 3.0 * side, 0.5 * side)
+        planner, pose = (
+            ErrorEllipse(op.Situation(CNA, ping_interval=0.7)),
+            op.Pose(9.0, 3.0 * side, 0.5 * side),
+        )
         plans = {
             planner.plan(pose, [uncertain(0.0, 0.0, side)], time=k * 0.7).turn_rate
             for k in range(200)
@@ -210,16 +221,16 @@ def test_error_ellipse_at_a_ping_waits_for_the_next_one_however_its_time_is_roun
     with pytest.raises(
         ValueError, match=r"ping_interval must be positive and finite \[s\], got 0.0"
     ):
-        ErrorEllipse(CNA, ping_interval=0.0)
-    with pytest.raises(ValueError, match="turn_rates must be at least 2 candidates, got 1"):
-        ErrorEllipse(CNA, ping_interval=1.0, turn_rates=1)
+        ErrorEllipse(op.Situation(CNA, ping_interval=0.0))
+    with pytest.raises(ValueError, match="turn_rates must be at least 2, got 1"):
+        ErrorEllipse(op.Situation(CNA, ping_interval=1.0), turn_rates=1)
 
 
 # Random
 
 
 def test_random_turns_are_uniform_held_and_repeatable():
-    planner, pose = RandomTurns(CNA, seed=3, hold=2.0), op.Pose(0.0, 0.0, 0.0)
+    planner, pose = RandomTurns(op.Situation(CNA), seed=3, hold=2.0), op.Pose(0.0, 0.0, 0.0)
     turns = np.array([planner.plan(pose, [], time=2.0 * k).turn_rate for k in range(2000)])
     assert kstest(turns, "uniform", args=(-0.4, 0.8)).pvalue > 0.01
     assert abs(np.corrcoef(turns[:-1], turns[1:])[0, 1]) < 3 / math.sqrt(2000)
@@ -231,7 +242,7 @@ def test_random_turns_are_uniform_held_and_repeatable():
     )
     other = np.array(
         [
-            RandomTurns(CNA, seed=4, hold=2.0).plan(pose, [], time=2.0 * k).turn_rate
+            RandomTurns(op.Situation(CNA), seed=4, hold=2.0).plan(pose, [], time=2.0 * k).turn_rate
             for k in range(2000)
         ]
     )
@@ -252,9 +263,9 @@ def test_random_turns_of_a_mission_are_those_of_its_seed_unless_the_scenario_has
 
 def test_random_turns_refuse_by_name_and_value():
     with pytest.raises(ValueError, match="seed must be at least 0, got -1"):
-        RandomTurns(CNA, seed=-1)
+        RandomTurns(op.Situation(CNA), seed=-1)
     with pytest.raises(ValueError, match=r"hold must be positive and finite \[s\], got 0.0"):
-        RandomTurns(CNA, seed=1, hold=0.0)
+        RandomTurns(op.Situation(CNA), seed=1, hold=0.0)
 
 
 @pytest.mark.parametrize("kind", ["centroid-orbit", "trail", "error-ellipse", "random"])

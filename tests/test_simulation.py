@@ -32,12 +32,16 @@ class Wanderer:
 
     generator: np.random.Generator = field(default_factory=lambda: np.random.default_rng(8))
 
-    def plan(self, pose, auvs, *, time=0.0):  # noqa: ARG002
+    def plan(self, pose, auvs, *, time=0.0):
         speed = float(self.generator.uniform(0.0, 3.0))
         turn_rate = float(self.generator.uniform(-1.0, 1.0)) * speed / 5.0
         path = np.array([[pose.x, pose.y, pose.heading]])
         return op.Decision(
-            turn_rate=turn_rate, speed=speed, path=path, score=turn_rate, status=Status.OPTIMAL
+            turn_rate=turn_rate,
+            speed=speed,
+            predict=lambda: path,
+            score=turn_rate,
+            status=Status.OPTIMAL,
         )
 
 
@@ -386,7 +390,7 @@ def test_vehicle_flies_no_turn_beyond_its_limit_and_none_that_is_no_number(
     turn_rate, flown, status
 ):
     class Wild:
-        def plan(self, pose, auvs, *, time=0.0):  # noqa: ARG002
+        def plan(self, pose, auvs, *, time=0.0):
             return op.Decision(turn_rate=turn_rate, speed=1.0)
 
     run = op.simulate("fixed-auv", planner=Wild())
@@ -396,7 +400,7 @@ def test_vehicle_flies_no_turn_beyond_its_limit_and_none_that_is_no_number(
 
 def test_slow_vehicle_turns_on_no_smaller_circle():
     class Slow:
-        def plan(self, pose, auvs, *, time=0.0):  # noqa: ARG002
+        def plan(self, pose, auvs, *, time=0.0):
             return op.Decision(turn_rate=2.0, speed=0.25)
 
     run = op.simulate(

@@ -9,7 +9,7 @@ from scipy.stats import binomtest
 
 import obsplan as op
 from formulations import displacement_moments
-from obsplan.planners.protocol import two_thirds_turn
+from obsplan.planning.fallback import two_thirds_turn
 from obsplan.simulation import ClosedLoop
 from obsplan.thesis import ITEMS, tables
 from obsplan.thesis.flights import fly, pose, random_starts, scenario
@@ -210,11 +210,13 @@ def strayed_pair():
 
 def test_euler_horizon_goes_to_the_integrals_with_its_steps():
     cna = op.Unicycle(speed=1.0, min_turn_radius=0.5)
-    exact = displacement_moments(1.0, EulerHorizon(cna, 1).candidates, two_thirds_turn(cna))
+    exact = displacement_moments(
+        1.0, EulerHorizon(op.Situation(cna), 1).candidates, two_thirds_turn(cna)
+    )
     errors = [
         max(
             np.abs(a[0] - b[0]).max()
-            for a, b in zip(EulerHorizon(cna, n).moments(), exact, strict=True)
+            for a, b in zip(EulerHorizon(op.Situation(cna), n).moments(), exact, strict=True)
         )
         for n in (100, 200, 400)
     ]
@@ -223,18 +225,19 @@ def test_euler_horizon_goes_to_the_integrals_with_its_steps():
 
 def test_weights_that_follow_covariances_are_their_traces():
     cna = op.Unicycle(speed=1.0, min_turn_radius=0.5)
-    plain = op.PathInertia(cna, gamma=1.0)
+    plain = op.PathInertia(op.Situation(cna), gamma=1.0)
     covariances = [np.diag([4.0, 1.0, 0.1, 0.1]), np.diag([0.5, 0.5, 0.1, 0.1])]
     place = [(3.0, 1.0), (-2.0, 4.0)]
     given = [op.Belief.at(*p, covariance=P) for p, P in zip(place, covariances, strict=True)]
     weighted = [op.Belief.at(*p, weight=w) for p, w in zip(place, (5.0, 1.0), strict=True)]
     at = op.Pose(0.0, 0.0, 0.3)
     assert (
-        CovarianceWeighted(cna, plain).plan(at, given).turn_rate
+        CovarianceWeighted(plain.situation, plain).plan(at, given).turn_rate
         == plain.plan(at, weighted).turn_rate
     )
     assert (
-        CovarianceWeighted(cna, plain).plan(at, given).turn_rate != plain.plan(at, given).turn_rate
+        CovarianceWeighted(plain.situation, plain).plan(at, given).turn_rate
+        != plain.plan(at, given).turn_rate
     )
 
 

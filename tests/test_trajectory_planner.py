@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from oracles import Spy, arc, recording, scenario
+from oracles import Spy, arc, recording, scenario, told
 from test_planners import beliefs, rotation, world
 
 import obsplan as op
@@ -30,7 +30,7 @@ NAN = float("nan")
 
 
 def planner(**options):
-    return op.Trajectory(CNA, **{"ping_interval": 2.0, "sigma": 1.0, **options})
+    return told(op.Trajectory, CNA, **{"ping_interval": 2.0, "sigma": 1.0, **options})
 
 
 every_objective = pytest.mark.parametrize("objective", OBJECTIVES)

@@ -7,7 +7,11 @@ from formulations.solution import Status
 
 def decision(turn_rate, speed):
     return op.Decision(
-        turn_rate=turn_rate, speed=speed, path=np.zeros((1, 3)), score=0.0, status=Status.OPTIMAL
+        turn_rate=turn_rate,
+        speed=speed,
+        predict=lambda: np.zeros((1, 3)),
+        score=0.0,
+        status=Status.OPTIMAL,
     )
 
 

@@ -11,6 +11,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+import threading
 from collections.abc import Callable, Sequence
 from functools import cache, lru_cache
 from inspect import signature
@@ -56,6 +57,27 @@ def evaluate(
         if view is not None:
             buffer.set_res(i, view)  # pyright: ignore[reportCallIssue]
     run()
+
+
+class Call(threading.local):
+    """A Function of one column that gives one, with memory for both that is kept from call to call.
+
+    Each thread has its own memory: ``given``, which the caller fills, and what a call returns,
+    which the next one overwrites.
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        self.given = np.zeros(function.size1_in(0))
+        self._found = np.empty(function.size1_out(0))
+        buffer, self._run = function.buffer()
+        buffer.set_arg(0, self.given.data)  # pyright: ignore[reportCallIssue]
+        buffer.set_res(0, self._found.data)  # pyright: ignore[reportCallIssue]
+        self._buffer = buffer
+
+    def __call__(self) -> np.ndarray:
+        """Evaluate what is in ``given``."""
+        self._run()
+        return self._found
 
 
 @lru_cache(maxsize=256)

@@ -8,10 +8,10 @@ import casadi as ca
 import numpy as np
 
 from formulations.solution import Status
-from obsplan.planners.protocol import Command, Targets, decide
-from obsplan.planners.steering import look_ahead, turn_toward
+from obsplan.planning.expressions import Command, Targets, decide
+from obsplan.planning.situation import Situation
+from obsplan.planning.steering import look_ahead, turn_toward
 from obsplan.types import Belief, Decision, Pose
-from obsplan.vehicles import Unicycle
 
 STEEPEST = 0.99  # sine of the largest crab angle: beyond it the vehicle cannot keep up anyway
 
@@ -26,7 +26,7 @@ class CentroidOrbit:
 
     condition_label = ""
 
-    cna: Unicycle
+    situation: Situation
     _: KW_ONLY
     orbit_radius: Annotated[
         float | None,
@@ -34,12 +34,11 @@ class CentroidOrbit:
     ] = None
 
     def __post_init__(self) -> None:
-        if (
-            self.orbit_radius is not None
-            and not self.cna.min_turn_radius <= self.orbit_radius < np.inf
-        ):
+        least = self.situation.cna.min_turn_radius
+        if self.orbit_radius is not None and not least <= self.orbit_radius < np.inf:
             raise ValueError(
-                f"orbit_radius must be at least the turning radius {self.cna.min_turn_radius} m, got {self.orbit_radius}"
+                f"orbit_radius must be at least the turning radius {least} m, "
+                f"got {self.orbit_radius}"
             )
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
@@ -48,6 +47,7 @@ class CentroidOrbit:
 
     def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002 - the protocol's signature
         """The turn rate of the orbit plus a correction onto its course."""
+        cna = self.situation.cna
         share = targets.weight / ca.sum1(targets.weight)
         center, drift = targets.mean[:2, :] @ share, targets.velocity @ share
         away = pose[:2] - center
@@ -56,21 +56,19 @@ class CentroidOrbit:
         turns_left = away[0] * ca.sin(pose[2]) >= away[1] * ca.cos(pose[2])
         sense = ca.if_else(turns_left, 1.0, -1.0)
         tangent = ca.atan2(away[1], away[0]) + sense * (
-            np.pi / 2 + ca.atan(outside / look_ahead(self.cna))
+            np.pi / 2 + ca.atan(outside / look_ahead(cna))
         )
         along, abeam = rotated(
             -tangent, drift
         )  # the centroid's velocity along the tangent and to its left
-        crab = ca.asin(ca.fmax(-STEEPEST, ca.fmin(STEEPEST, abeam / self.cna.speed)))
-        ahead = self.cna.speed * ca.cos(crab)
+        crab = ca.asin(ca.fmax(-STEEPEST, ca.fmin(STEEPEST, abeam / cna.speed)))
+        ahead = cna.speed * ca.cos(crab)
         turning = sense * (ahead - along) / radius  # of the tangent
         turn_rate = turn_toward(
-            self.cna, pose[2], tangent + crab, turning=turning * (1 - along / ahead)
+            cna, pose[2], tangent + crab, turning=turning * (1 - along / ahead)
         )  # the crab turns back by as much
         none = ca.SX.nan(1, targets.mean.shape[1])
-        return Command(
-            turn_rate, ca.SX(self.cna.speed), outside**2, none, ca.SX(float(Status.OPTIMAL))
-        )
+        return Command(turn_rate, ca.SX(cna.speed), outside**2, none, ca.SX(float(Status.OPTIMAL)))
 
     def _radius(self, center: ca.SX, targets: Targets) -> ca.SX:
         """Radius [m] in use; an AUV of weight 0 has no say."""
@@ -79,7 +77,7 @@ class CentroidOrbit:
         distance = ca.hypot(targets.mean[0, :] - center[0], targets.mean[1, :] - center[1])
         return (
             ca.mmax(ca.if_else(targets.weight.T > 0, distance, 0.0))
-            + 2.0 * self.cna.min_turn_radius
+            + 2.0 * self.situation.cna.min_turn_radius
         )
 
 

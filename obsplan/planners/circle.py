@@ -2,15 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
 from typing import Annotated
 
 import casadi as ca
 import numpy as np
 
 from formulations.solution import Status
-from obsplan.planners.protocol import Command, Targets, evaluate
+from obsplan.constraints import Disc
+from obsplan.planning.expressions import Command, Targets, evaluate
+from obsplan.planning.situation import Situation
+from obsplan.planning.steering import look_ahead, turn_toward
 from obsplan.types import Belief, Decision, Point, Pose, as_point
-from obsplan.vehicles import Unicycle
 
 
 @dataclass(frozen=True)
@@ -19,35 +22,56 @@ class Circle:
 
     condition_label = ""
 
-    cna: Unicycle
+    situation: Situation
     _: KW_ONLY
     center: Annotated[
-        Point,
-        "centre, east and north [m]; default: of the circle just enclosing the survey",
-    ]
-    radius: Annotated[float, "radius [m]; default: of the circle just enclosing the survey"]
+        Point | None, "centre, east and north [m]; default: of the circle just enclosing the survey"
+    ] = None
+    radius: Annotated[
+        float | None, "radius [m]; default: of the circle just enclosing the survey"
+    ] = None
     start_on_circle: Annotated[
         bool, "start at the nearest point of the circle, on its tangent, instead of at cna.start"
     ] = True
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "center", as_point(self.center))
-        if not np.isfinite(self.center).all():
-            raise ValueError(f"center of the circle must be finite [m], got {self.center}")
-        if not self.cna.min_turn_radius <= self.radius < np.inf:
+        if self.center is not None:
+            object.__setattr__(self, "center", as_point(self.center))
+            if not np.isfinite(self.center).all():
+                raise ValueError(f"center of the circle must be finite [m], got {self.center}")
+        least = self.situation.cna.min_turn_radius
+        if self.radius is not None and not least <= self.radius < np.inf:
             raise ValueError(
-                f"radius of the circle must be at least the turning radius {self.cna.min_turn_radius} m, got {self.radius}"
+                f"radius of the circle must be at least the turning radius {least} m, "
+                f"got {self.radius}"
             )
+        _ = self.circle
+
+    @cached_property
+    def circle(self) -> Disc:
+        """The circle in use.
+
+        Raises
+        ------
+        ValueError
+            A centre or a radius that neither the options nor the situation has.
+        """
+        survey, center, radius = self.situation.survey_circle, self.center, self.radius
+        if survey is not None:
+            center = (survey.x, survey.y) if center is None else center
+            radius = survey.radius if radius is None else radius
+        if center is None or radius is None:
+            raise ValueError("give center and radius of the circle: no survey is known")
+        return Disc(x=center[0], y=center[1], radius=radius)
 
     def initial_pose(self, pose: Pose) -> Pose:
         """Where the vehicle starts: on the circle nearest to the pose, unless told otherwise."""
         if not self.start_on_circle:
             return pose
-        bearing = np.arctan2(pose.y - self.center[1], pose.x - self.center[0])
-        x, y = (
-            self.center[0] + self.radius * np.cos(bearing),
-            self.center[1] + self.radius * np.sin(bearing),
-        )
+        circle = self.circle
+        bearing = np.arctan2(pose.y - circle.y, pose.x - circle.x)
+        x = circle.x + circle.radius * np.cos(bearing)
+        y = circle.y + circle.radius * np.sin(bearing)
         return Pose(float(x), float(y), float(bearing + np.pi / 2))
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
@@ -56,15 +80,11 @@ class Circle:
 
     def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002 - the protocol's signature
         """The turn rate of the circle plus a correction toward the tangent at the look-ahead."""
-        east, north = pose[0] - self.center[0], pose[1] - self.center[1]
-        look_ahead = 2.0 * self.cna.min_turn_radius
-        outside = ca.sqrt(east**2 + north**2) - self.radius
-        course = ca.atan2(north, east) + np.pi / 2 + ca.atan(outside / look_ahead)
-        error = course - pose[2]
-        correction = self.cna.speed / look_ahead * ca.atan2(ca.sin(error), ca.cos(error))
-        limit = self.cna.max_turn_rate
-        turn_rate = ca.fmax(-limit, ca.fmin(limit, self.cna.speed / self.radius + correction))
-        no_condition = ca.SX.nan(1, targets.mean.shape[1])
-        return Command(
-            turn_rate, ca.SX(self.cna.speed), outside**2, no_condition, ca.SX(float(Status.OPTIMAL))
-        )
+        cna, circle = self.situation.cna, self.circle
+        east, north = pose[0] - circle.x, pose[1] - circle.y
+        outside = ca.sqrt(east**2 + north**2) - circle.radius
+        course = ca.atan2(north, east) + np.pi / 2 + ca.atan(outside / look_ahead(cna))
+        turning = cna.speed / circle.radius
+        turn_rate = turn_toward(cna, pose[2], course, turning=turning)
+        none = ca.SX.nan(1, targets.mean.shape[1])
+        return Command(turn_rate, ca.SX(cna.speed), outside**2, none, ca.SX(float(Status.OPTIMAL)))

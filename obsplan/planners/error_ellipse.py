@@ -9,11 +9,11 @@ import numpy as np
 
 from formulations.model.schedule import time_to_next
 from formulations.solution import Status
-from obsplan.planners.candidates import first_of_the_best
-from obsplan.planners.checks import check_positive
-from obsplan.planners.protocol import Command, Targets, decide
+from obsplan.planning.candidates import first_of_the_best
+from obsplan.planning.checks import check_at_least
+from obsplan.planning.expressions import Command, Targets, decide
+from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
-from obsplan.vehicles import Unicycle
 
 
 @dataclass(frozen=True)
@@ -31,15 +31,12 @@ class ErrorEllipse:
 
     condition_label = ""
 
-    cna: Unicycle
+    situation: Situation
     _: KW_ONLY
-    ping_interval: Annotated[float, "time between ranges [s]; default: the scenario's"]
     turn_rates: Annotated[int, "number of candidates, at least 2"] = 21
 
     def __post_init__(self) -> None:
-        check_positive(self, ping_interval="s")
-        if self.turn_rates < 2:
-            raise ValueError(f"turn_rates must be at least 2 candidates, got {self.turn_rates}")
+        check_at_least(self, turn_rates=2)
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Choose the best turn."""
@@ -47,11 +44,12 @@ class ErrorEllipse:
 
     def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:
         """The best candidate, scores of all being one expression."""
-        limit = self.cna.max_turn_rate
+        cna = self.situation.cna
+        limit = cna.max_turn_rate
         rates = np.linspace(limit, -limit, self.turn_rates)
-        wait = time_to_next(time, self.ping_interval)
+        wait = time_to_next(time, self.situation.ping_interval)
         places = ca.horzcat(
-            *(self.cna.step(pose[:3], ca.SX(ca.DM([u, self.cna.speed])), wait)[:2] for u in rates)
+            *(cna.step(pose[:3], ca.SX(ca.DM([u, cna.speed])), wait)[:2] for u in rates)
         )
         auvs = targets.mean[:2, :] + targets.velocity * wait
         x, y = (places[i, :].T - ca.repmat(auvs[i, :], self.turn_rates, 1) for i in (0, 1))
@@ -63,4 +61,4 @@ class ErrorEllipse:
         totals = across @ (targets.weight / ca.sum1(targets.weight))
         best, (turn_rate,) = first_of_the_best(totals, [ca.SX(ca.DM(rates))], [ca.SX(0.0)])
         none = ca.SX.nan(1, targets.mean.shape[1])
-        return Command(turn_rate, ca.SX(self.cna.speed), best, none, ca.SX(float(Status.OPTIMAL)))
+        return Command(turn_rate, ca.SX(cna.speed), best, none, ca.SX(float(Status.OPTIMAL)))

@@ -1,7 +1,7 @@
 """Gramian horizon: try turn rates over a short horizon and take the one that makes the AUVs most observable (thesis chapter 4)."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import lru_cache, partial
 from typing import Annotated, Literal
 
@@ -14,25 +14,26 @@ from formulations.gramian.pings import ping_moments
 from formulations.gramian.range import DisplacementMoments, displacement_moments, gramian_entries
 from formulations.metrics import position_schur_expression, score_expression
 from formulations.model.arcs import arcs
-from formulations.model.casadi import symbol
+from formulations.model.casadi import Call
 from formulations.model.frames import to_body
 from formulations.model.schedule import time_to_next
 from formulations.solution import Status
-from obsplan.constraints import UNLIMITED, Constraints, first_move_violation
-from obsplan.planners.candidates import first_of_the_best
-from obsplan.planners.checks import check_choices, check_positive
-from obsplan.planners.limits import expected
-from obsplan.planners.protocol import (
+from obsplan.constraints import Constraints, first_move_violation
+from obsplan.planning.candidates import first_of_the_best
+from obsplan.planning.checks import check_at_least, check_choices, check_positive
+from obsplan.planning.expressions import (
     Command,
     Targets,
-    columns,
     decide,
-    predict_path,
+    decision_of,
+    fill,
+    packed,
     symbols,
-    unusable,
 )
+from obsplan.planning.fallback import unusable
+from obsplan.planning.limits import expected
+from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
-from obsplan.vehicles import Unicycle
 
 LEAST_PINGS = 3  # that tell the three states: east, north, heading
 HORIZON_POINTS = 16  # at which a candidate's arc is held against the limits
@@ -69,7 +70,7 @@ class GramianHorizon:
 
     condition_label = "κ(W)"
 
-    cna: Unicycle
+    situation: Situation
     _: KW_ONLY
     gramian: Annotated[Literal["exact", "empirical", "thesis"], "how the Gramian is computed"] = (
         "exact"
@@ -98,34 +99,11 @@ class GramianHorizon:
         Literal["fixed", "covariance"],
         "weights of the AUVs: as given, or times their position variance",
     ] = "fixed"
-    ping_interval: Annotated[float, "time between ranges [s]; default: the scenario's"] = 15.0
-    sigma: Annotated[
-        float, "standard deviation of a range [m], or squared range [m^2]; default: the scenario's"
-    ] = 1.0
-    ranging_kind: Annotated[
-        Literal["range", "squared-range"], "what is measured; default: the scenario's"
-    ] = "range"
-    heading_sigma: Annotated[
-        float, "standard deviation of the heading [rad]; default: the scenario's"
-    ] = float(np.deg2rad(1.0))
-    constraints: Annotated[Constraints, "limits on the aid vehicle's position; the scenario's"] = (
-        UNLIMITED
-    )
-    decision_interval: Annotated[float, "time between decisions [s]; the scenario's"] = 1.0
 
     def __post_init__(self) -> None:
         check_choices(self)
-        check_positive(
-            self,
-            horizon="s",
-            circles="-",
-            ping_interval="s",
-            sigma="m",
-            heading_sigma="rad",
-            decision_interval="s",
-        )
-        if self.turn_rates < 2:
-            raise ValueError(f"turn_rates must be at least 2 candidates, got {self.turn_rates}")
+        check_positive(self, horizon="s", circles="-")
+        check_at_least(self, turn_rates=2)
         if self.gramian == "empirical" and (self.motion, self.sampling) != (
             "at-rest",
             "continuous",
@@ -137,7 +115,13 @@ class GramianHorizon:
     @property
     def candidates(self) -> np.ndarray:
         """Turn rates tried [rad/s], from the left limit to the right one."""
-        return np.linspace(self.cna.max_turn_rate, -self.cna.max_turn_rate, self.turn_rates)
+        limit = self.situation.cna.max_turn_rate
+        return np.linspace(limit, -limit, self.turn_rates)
+
+    @property
+    def constraints(self) -> Constraints:
+        """The limits it keeps within."""
+        return self.situation.constraints
 
     @property
     def expression(self) -> Callable[..., Command] | None:
@@ -148,7 +132,8 @@ class GramianHorizon:
         """Choose the best candidate."""
         if self.expression is not None:
             return decide(self, pose, auvs, time)
-        return unusable(self, pose, auvs) or self._choose_within_limits(pose, auvs, time)
+        cna = self.situation.cna
+        return unusable(cna, pose, auvs) or self._choose_within_limits(pose, auvs, time)
 
     def choose(
         self,
@@ -172,21 +157,18 @@ class GramianHorizon:
         instead = [ca.SX(0.0) if otherwise is None else otherwise, ca.SX.inf(1, scores.shape[1])]
         best, (turn_rate, chosen) = first_of_the_best(totals, choices, instead)
         status = ca.if_else(best < ca.inf, float(Status.OPTIMAL), float(Status.UNOBSERVABLE))
-        return Command(turn_rate, ca.SX(self.cna.speed), best, chosen, status)
+        return Command(turn_rate, ca.SX(self.situation.cna.speed), best, chosen, status)
 
     @property
     def look_ahead(self) -> float:
         """Horizon [s]; with pings the whole number of intervals that is nearest, at least three."""
-        horizon = (
-            self.circles * 2.0 * np.pi * self.cna.min_turn_radius / self.cna.speed
-            if self.horizon is None
-            else self.horizon
-        )
-        return (
-            horizon
-            if self.sampling == "continuous"
-            else max(LEAST_PINGS, round(horizon / self.ping_interval)) * self.ping_interval
-        )
+        cna, interval = self.situation.cna, self.situation.ping_interval
+        horizon = self.horizon
+        if horizon is None:
+            horizon = self.circles * 2.0 * np.pi * cna.min_turn_radius / cna.speed
+        if self.sampling == "continuous":
+            return horizon
+        return max(LEAST_PINGS, round(horizon / interval)) * interval
 
     def _entries(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Entries:
         """Upper triangles of the Gramians in the body frame, each K x M."""
@@ -199,7 +181,10 @@ class GramianHorizon:
         )
         if self.gramian == "empirical":
             entries = empirical_gramian_entries(
-                x, turn_rates=self.candidates, speed=self.cna.speed, horizon=self.look_ahead
+                x,
+                turn_rates=self.candidates,
+                speed=self.situation.cna.speed,
+                horizon=self.look_ahead,
             )
         else:
             entries = gramian_entries(self._moments(time), x, v, variant=self.gramian)
@@ -208,7 +193,7 @@ class GramianHorizon:
 
     def _moments(self, time: ca.SX) -> DisplacementMoments:
         """Moments of the candidates' arcs, all the time or at the next pings."""
-        speed, interval = self.cna.speed, self.ping_interval
+        speed, interval = self.situation.cna.speed, self.situation.ping_interval
         if self.sampling == "continuous":
             return displacement_moments(speed, self.candidates, self.look_ahead)
         count = round(self.look_ahead / interval)
@@ -224,12 +209,11 @@ class GramianHorizon:
         self, w11: ca.SX, w12: ca.SX, w13: ca.SX, w22: ca.SX, w23: ca.SX, w33: ca.SX
     ) -> Entries:
         """Gramian in units of the sensors' variances: with variance 1 the heading adds the horizon T to W33, and W11 + W22 is 4 T d²."""
-        horizon, samples = self.look_ahead, self.look_ahead / self.ping_interval
-        of_squares = (
-            w11 + w22 if self.ranging_kind == "range" else horizon
-        )  # a squared range has the variance 4 d² σ²
-        gain = samples / (self.sigma**2 * ca.if_else(of_squares > 0, of_squares, 1.0))
-        seen = samples / self.heading_sigma**2
+        horizon, samples = self.look_ahead, self.look_ahead / self.situation.ping_interval
+        sigma, squared = self.situation.ranging
+        of_squares = horizon if squared else w11 + w22  # a squared range's variance is 4 d² σ²
+        gain = samples / (sigma**2 * ca.if_else(of_squares > 0, of_squares, 1.0))
+        seen = samples / self.situation.heading_sigma**2
         return (
             w11 * gain,
             w12 * gain,
@@ -265,51 +249,42 @@ class GramianHorizon:
         first, later = (np.maximum(broken, 0.0) for broken in self._violations(pose, auvs))
         allowed = (first == first.min()) & (later == later[first == first.min()].min())
         straightest = min(self.candidates[allowed], key=abs)
-        state = [pose.x, pose.y, pose.heading, pose.turn_rate]
-        given = [
-            ca.DM(time),
-            ca.DM(state),
-            *columns(auvs),
-            ca.DM(allowed.astype(float)),
-            ca.DM(float(straightest)),
-        ]
-        turn_rate, _, score, condition, status = (
-            result.full().ravel() for result in limited_choice(self, len(auvs)).call(given)
-        )
-        return Decision(
-            turn_rate=float(turn_rate[0]),
-            speed=self.cna.speed,
-            path=predict_path(self.cna, pose, float(turn_rate[0]), self.cna.speed),
-            score=float(score[0]),
-            status=Status.VIOLATED if first.min() > 0 else Status(int(status[0])),
-            condition=condition,
-        )
+        call = limited_choice(self, len(auvs))
+        fill(call.given, pose, auvs, time)
+        call.given[-self.turn_rates - 1 : -1] = allowed
+        call.given[-1] = straightest
+        decision = decision_of(call(), self.situation.cna, pose)
+        return replace(decision, status=Status.VIOLATED) if first.min() > 0 else decision
 
     def _violations(
         self, pose: Pose, auvs: Sequence[Belief]
     ) -> tuple[Float[np.ndarray, " K"], Float[np.ndarray, " K"]]:
         """How far [m] each candidate breaks a limit before the next decision, or without fail after it, and over the horizon."""
-        state, speed, rates = (
-            np.array([pose.x, pose.y, pose.heading]),
-            self.cna.speed,
-            self.candidates,
-        )
+        cna, rates = self.situation.cna, self.candidates
+        state = np.array([pose.x, pose.y, pose.heading])
         ahead, room = expected(auvs)
-        way = {
-            "speed": speed,
-            "radius": self.cna.min_turn_radius,
-            "interval": self.decision_interval,
-        }
-        first = first_move_violation(self.constraints, state, rates, **way, auvs=ahead, room=room)
+        first = first_move_violation(
+            self.constraints,
+            state,
+            rates,
+            speed=cna.speed,
+            radius=cna.min_turn_radius,
+            interval=self.situation.decision_interval,
+            auvs=ahead,
+            room=room,
+        )
         times = self.look_ahead * np.arange(1, HORIZON_POINTS + 1) / HORIZON_POINTS
-        positions = arcs(state, rates, speed, times)[..., :2]
+        positions = arcs(state, rates, cna.speed, times)[..., :2]
         return first, self.constraints.violation(positions, ahead(times), room).max(axis=-1)
 
 
 @lru_cache(maxsize=16)
-def limited_choice(planner: GramianHorizon, n_auvs: int) -> ca.Function:
-    """The choice among allowed candidates for a number of AUVs as a Function, built once."""
-    inputs, targets = symbols(n_auvs)
-    allowed, otherwise = symbol("allowed", planner.turn_rates), symbol("otherwise")
-    command = planner.choose(inputs[0], inputs[1], targets, allowed, otherwise)
-    return ca.Function("choice", [*inputs, allowed, otherwise], list(command))
+def limited_choice(planner: GramianHorizon, n_auvs: int) -> Call:
+    """The choice among allowed candidates for a number of AUVs, built once.
+
+    After the beliefs it is given which candidates are allowed, and the turn rate if none is regular.
+    """
+    known = symbols(n_auvs, more=planner.turn_rates + 1)
+    allowed, otherwise = known.more[:-1], known.more[-1]
+    command = planner.choose(known.time, known.pose, known.targets, allowed, otherwise)
+    return Call(ca.Function("choice", [known.given], [packed(command)]))

@@ -7,15 +7,15 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from formulations.beam_search import search_manoeuvres, turn_candidates
-from formulations.model.covariance import Ranging, Tracks
+from formulations.model.covariance import Tracks
 from formulations.model.schedule import Stages, ping_stages
 from formulations.solution import Status
-from obsplan.constraints import UNLIMITED, Constraints, first_move_violation
-from obsplan.planners.checks import check_at_least, check_choices, check_positive
-from obsplan.planners.limits import expected
-from obsplan.planners.protocol import straight_on, unusable
+from obsplan.constraints import Constraints, first_move_violation
+from obsplan.planning.checks import check_at_least, check_choices, check_positive
+from obsplan.planning.fallback import straight_on, unusable
+from obsplan.planning.limits import expected
+from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
-from obsplan.vehicles import Unicycle
 
 
 @dataclass(frozen=True)
@@ -31,15 +31,8 @@ class InformationHorizon:
 
     condition_label = ""
 
-    cna: Unicycle
+    situation: Situation
     _: KW_ONLY
-    ping_interval: Annotated[float, "time between ranges [s]; default: the scenario's"]
-    sigma: Annotated[
-        float, "standard deviation of a range [m], or squared range [m^2]; default: the scenario's"
-    ]
-    ranging_kind: Annotated[
-        Literal["range", "squared-range"], "what is measured; default: the scenario's"
-    ] = "range"
     criterion: Annotated[
         Literal["trace", "log-det"], "of the position covariance, averaged over the horizon"
     ] = "trace"
@@ -47,13 +40,9 @@ class InformationHorizon:
     stages: Annotated[int, "levels of the tree, at least 1"] = 6
     turn_rates: Annotated[int, "branches at each level, odd and at least 3"] = 7
     beam_width: Annotated[int, "sequences kept at each level, at least 1"] = 128
-    constraints: Annotated[Constraints, "limits on the aid vehicle's position; the scenario's"] = (
-        UNLIMITED
-    )
-    decision_interval: Annotated[float, "time between decisions [s]; the scenario's"] = 1.0
 
     def __post_init__(self) -> None:
-        check_positive(self, ping_interval="s", sigma="m", horizon="s", decision_interval="s")
+        check_positive(self, horizon="s")
         check_choices(self)
         check_at_least(self, stages=1, beam_width=1)
         if self.turn_rates < 3 or self.turn_rates % 2 == 0:
@@ -61,18 +50,24 @@ class InformationHorizon:
                 f"turn_rates must be odd and at least 3, straight on and pairs, got {self.turn_rates}"
             )
 
+    @property
+    def constraints(self) -> Constraints:
+        """The limits it keeps within."""
+        return self.situation.constraints
+
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Choose the first turn of the best sequence found."""
-        return unusable(self, pose, auvs) or self._search(pose, auvs, time)
+        return unusable(self.situation.cna, pose, auvs) or self._search(pose, auvs, time)
 
     def _search(self, pose: Pose, auvs: Sequence[Belief], time: float) -> Decision:
+        cna = self.situation.cna
         covariance = np.array([auv.covariance for auv in auvs])
         if not np.isfinite(covariance).all():
-            return straight_on(self.cna, pose, Status.INVALID_INPUT, len(auvs))
-        stages = ping_stages(time, self.ping_interval, self.horizon, self.stages)
+            return straight_on(cna, pose, Status.INVALID_INPUT, len(auvs))
+        stages = ping_stages(time, self.situation.ping_interval, self.horizon, self.stages)
         state, turn_rates = (
             np.array([pose.x, pose.y, pose.heading]),
-            turn_candidates(self.cna.max_turn_rate, self.turn_rates),
+            turn_candidates(cna.max_turn_rate, self.turn_rates),
         )
         best = search_manoeuvres(
             state,
@@ -87,21 +82,21 @@ class InformationHorizon:
             weights=np.array([auv.weight for auv in auvs], dtype=float),
             stages=stages,
             turn_rates=turn_rates,
-            speed=self.cna.speed,
-            ranging=Ranging(self.sigma, self.ranging_kind == "squared-range"),
+            speed=cna.speed,
+            ranging=self.situation.ranging,
             criterion=self.criterion,
             beam_width=self.beam_width,
             **self._limits(state, turn_rates, auvs),
         )
         if not np.isfinite(best.score):  # a drift or a process noise is no number
-            return straight_on(self.cna, pose, Status.INVALID_INPUT, len(auvs))
+            return straight_on(cna, pose, Status.INVALID_INPUT, len(auvs))
         turn_rate = float(best.turn_rates[0])
         nothing = np.full(len(auvs), np.nan)
         status = Status.VIOLATED if best.first_violation > 0 else Status.OPTIMAL
         return Decision(
             turn_rate=turn_rate,
-            speed=self.cna.speed,
-            path=best.poses,
+            speed=cna.speed,
+            predict=lambda: best.poses,
             score=best.score,
             status=status,
             condition=nothing,
@@ -118,9 +113,9 @@ class InformationHorizon:
             self.constraints,
             state,
             turn_rates,
-            speed=self.cna.speed,
-            radius=self.cna.min_turn_radius,
-            interval=self.decision_interval,
+            speed=self.situation.cna.speed,
+            radius=self.situation.cna.min_turn_radius,
+            interval=self.situation.decision_interval,
             auvs=ahead,
             room=room,
         )

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Annotated, Literal
 
 import casadi as ca
@@ -17,9 +17,10 @@ from formulations.path_inertia import (
     path_inertia_radius,
 )
 from formulations.solution import Status
-from obsplan.planners.protocol import Command, Targets, decide, predict_path, unusable
+from obsplan.planning.expressions import Command, Targets, decide
+from obsplan.planning.fallback import predict_path, unusable
+from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
-from obsplan.vehicles import Unicycle
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class PathInertia:
 
     condition_label = "κ(J)"
 
-    cna: Unicycle
+    situation: Situation
     _: KW_ONLY
     gamma: Annotated[
         float,
@@ -74,14 +75,15 @@ class PathInertia:
         """Choose the circle to turn on."""
         if self.expression is not None:
             return decide(self, pose, auvs, time)
-        return unusable(self, pose, auvs) or self._solve(pose, auvs)
+        return unusable(self.situation.cna, pose, auvs) or self._solve(pose, auvs)
 
     def closed_form(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002 - the protocol's signature
         """The turn rate without limits beyond the vehicle's own."""
+        cna = self.situation.cna
         x1, x2 = pose[0] - targets.mean[0, :], pose[1] - targets.mean[1, :]
         weight = targets.weight / ca.sum1(targets.weight)
         offset, square_distance = lateral_offset(x1, x2, pose[2]), x1**2 + x2**2
-        mean_offset, r_min = offset @ weight, self.cna.min_turn_radius
+        mean_offset, r_min = offset @ weight, cna.min_turn_radius
         if self.objective == "difference":
             radius, clipped = path_inertia_radius(mean_offset, self.gamma, r_min)
             curvature = 1 / radius
@@ -92,19 +94,20 @@ class PathInertia:
         condition = curvature_condition_number(curvature, offset, square_distance)
         status = ca.if_else(clipped, float(Status.CLIPPED), float(Status.OPTIMAL))
         return Command(
-            self.cna.speed * curvature, ca.SX(self.cna.speed), condition @ weight, condition, status
+            cna.speed * curvature, ca.SX(cna.speed), condition @ weight, condition, status
         )
 
     def _solve(self, pose: Pose, auvs: Sequence[Belief]) -> Decision:
         """Solve the program with its limits; if they leave no turn, without them."""
+        cna = self.situation.cna
         x = np.array([[pose.x, pose.y] - auv.mean[:2] for auv in auvs])
         weights = np.array([auv.weight for auv in auvs], dtype=float)
-        last = self.cna.speed / pose.turn_rate if pose.turn_rate else math.inf
+        last = cna.speed / pose.turn_rate if pose.turn_rate else math.inf
         solution = problem(self).solve(x, pose.heading, weights, last_radius=last)
         status = solution.status
         if not np.isfinite(solution.x[0]):
             solution = problem(
-                PathInertia(self.cna, gamma=self.gamma, objective=self.objective)
+                PathInertia(self.situation, gamma=self.gamma, objective=self.objective)
             ).solve(x, pose.heading, weights)
         curvature = (
             float(solution.x[0])
@@ -114,11 +117,11 @@ class PathInertia:
         condition = curvature_condition_number(
             curvature, lateral_offset(x[:, 0], x[:, 1], pose.heading), np.sum(x**2, axis=1)
         )
-        turn_rate, speed = self.cna.speed * curvature, self.cna.speed
+        turn_rate = cna.speed * curvature
         return Decision(
             turn_rate=turn_rate,
-            speed=speed,
-            path=predict_path(self.cna, pose, turn_rate, speed),
+            speed=cna.speed,
+            predict=partial(predict_path, cna, pose, turn_rate, cna.speed),
             score=float(condition @ weights / weights.sum()),
             status=status,
             condition=condition,
@@ -135,7 +138,7 @@ def problem(planner: PathInertia) -> PathInertiaProblem:
         A weight or a limit out of its range.
     """
     return PathInertiaProblem(
-        min_radius=planner.cna.min_turn_radius,
+        min_radius=planner.situation.cna.min_turn_radius,
         gamma=planner.gamma,
         change_weight=planner.change_weight,
         max_radius=math.inf if planner.max_radius is None else planner.max_radius,

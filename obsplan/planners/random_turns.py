@@ -2,16 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, replace
+from functools import partial
 from typing import Annotated
 
 import numpy as np
 
 from formulations.model.schedule import intervals
 from formulations.solution import Status
-from obsplan.planners.checks import check_at_least, check_positive
-from obsplan.planners.protocol import predict_path, straight_on
+from obsplan.planning.checks import check_at_least, check_positive
+from obsplan.planning.fallback import predict_path, straight_on
+from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
-from obsplan.vehicles import Unicycle
 
 PLANNER_STREAM = 2  # of a mission's streams: process, measurement, planner
 
@@ -26,7 +27,7 @@ class RandomTurns:
 
     condition_label = ""
 
-    cna: Unicycle
+    situation: Situation
     _: KW_ONLY
     seed: Annotated[int | None, "of the turns, at least 0; default: the mission's"] = None
     hold: Annotated[float, "time a turn is held [s]"] = 5.0
@@ -41,20 +42,21 @@ class RandomTurns:
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Draw the turn of this time: the generator's counter is the number of turns held before."""
+        cna = self.situation.cna
         if not np.isfinite([pose.x, pose.y, pose.heading, pose.turn_rate]).all():
-            return straight_on(self.cna, pose, Status.INVALID_INPUT, len(auvs))
+            return straight_on(cna, pose, Status.INVALID_INPUT, len(auvs))
         key = np.random.SeedSequence(self.seed or 0, spawn_key=(PLANNER_STREAM,)).generate_state(
             2, np.uint64
         )
         turn = int(intervals(time, self.hold))
-        limit = self.cna.max_turn_rate
+        limit = cna.max_turn_rate
         turn_rate = float(
             np.random.Generator(np.random.Philox(key=key, counter=turn)).uniform(-limit, limit)
         )
         return Decision(
             turn_rate=turn_rate,
-            speed=self.cna.speed,
-            path=predict_path(self.cna, pose, turn_rate, self.cna.speed),
+            speed=cna.speed,
+            predict=partial(predict_path, cna, pose, turn_rate, cna.speed),
             score=0.0,
             condition=np.full(len(auvs), np.nan),
         )

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from formulations.solution import Status
-from obsplan.planners.protocol import Command, Targets
+from obsplan.planning.expressions import Command, Targets
 from obsplan.types import Belief, Decision, Pose
 
 
@@ -24,7 +24,7 @@ class Stationary:
         return Decision(
             turn_rate=0.0,
             speed=0.0,
-            path=here,
+            predict=lambda: here,
             score=0.0,
             status=status,
             condition=np.full(len(auvs), np.nan),

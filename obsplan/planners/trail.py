@@ -8,10 +8,10 @@ import casadi as ca
 import numpy as np
 
 from formulations.solution import Status
-from obsplan.planners.protocol import Command, Targets, decide
-from obsplan.planners.steering import look_ahead, turn_toward
+from obsplan.planning.expressions import Command, Targets, decide
+from obsplan.planning.situation import Situation
+from obsplan.planning.steering import look_ahead, turn_toward
 from obsplan.types import Belief, Decision, Pose
-from obsplan.vehicles import Unicycle
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Trail:
 
     condition_label = ""
 
-    cna: Unicycle
+    situation: Situation
     _: KW_ONLY
     behind: Annotated[
         float | None, "distance behind [m]; default: the smallest turning diameter"
@@ -43,18 +43,19 @@ class Trail:
 
     def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002 - the protocol's signature
         """Turn rate and speed of a pursuit of the place."""
+        cna = self.situation.cna
         share = targets.weight / ca.sum1(targets.weight)
         heading = ca.atan2(ca.sin(targets.mean[2, :]) @ share, ca.cos(targets.mean[2, :]) @ share)
         ahead, abeam = (
             ca.vertcat(ca.cos(heading), ca.sin(heading)),
             ca.vertcat(-ca.sin(heading), ca.cos(heading)),
         )
-        behind = look_ahead(self.cna) if self.behind is None else self.behind
+        behind = look_ahead(cna) if self.behind is None else self.behind
         gap = targets.mean[:2, :] @ share - behind * ahead + self.left * abeam - pose[:2]
-        wanted = targets.velocity @ share + gap * (self.cna.speed / look_ahead(self.cna))
+        wanted = targets.velocity @ share + gap * (cna.speed / look_ahead(cna))
         speed = ca.fmin(
-            self.cna.speed, ca.hypot(wanted[0], wanted[1])
+            cna.speed, ca.hypot(wanted[0], wanted[1])
         )  # cruising speed also where it is no number
-        turn_rate = turn_toward(self.cna, pose[2], ca.atan2(wanted[1], wanted[0]), speed=speed)
+        turn_rate = turn_toward(cna, pose[2], ca.atan2(wanted[1], wanted[0]), speed=speed)
         none = ca.SX.nan(1, targets.mean.shape[1])
         return Command(turn_rate, speed, ca.sumsqr(gap), none, ca.SX(float(Status.OPTIMAL)))

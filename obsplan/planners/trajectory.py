@@ -8,14 +8,14 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-from formulations.model.covariance import Ranging
 from formulations.model.schedule import ROUNDING, intervals, time_to_next
 from formulations.solution import Status
 from formulations.trajectory import Areas, Controls, Limits, Outcome, Task, convex_areas, optimise
-from obsplan.constraints import UNLIMITED, Constraints, Disc, Polygon, loiter_violation
-from obsplan.planners.checks import check_at_least, check_choices, check_positive
-from obsplan.planners.limits import SURE, expected
-from obsplan.planners.protocol import straight_on, unusable
+from obsplan.constraints import Constraints, Disc, Polygon, loiter_violation
+from obsplan.planning.checks import check_at_least, check_choices, check_positive
+from obsplan.planning.fallback import straight_on, unusable
+from obsplan.planning.limits import SURE, expected
+from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
@@ -43,15 +43,8 @@ class Trajectory:
     later than the trajectory lasts, it starts afresh.
     """
 
-    cna: Unicycle
+    situation: Situation
     _: KW_ONLY
-    ping_interval: Annotated[float, "time between ranges [s]; default: the scenario's"]
-    sigma: Annotated[
-        float, "standard deviation of a range [m], or squared range [m^2]; default: the scenario's"
-    ]
-    ranging_kind: Annotated[
-        Literal["range", "squared-range"], "what is measured; default: the scenario's"
-    ] = "range"
     objective: Annotated[Objective, "what is minimised"] = "covariance"
     horizon: Annotated[
         float, "least look-ahead [s]; ``covariance`` looks six pings ahead at least"
@@ -68,21 +61,9 @@ class Trajectory:
         float | None,
         "time after which no further solver is begun [s]; default: none, so that results repeat",
     ] = None
-    constraints: Annotated[Constraints, "limits on the aid vehicle's position; the scenario's"] = (
-        UNLIMITED
-    )
-    decision_interval: Annotated[float, "time between decisions [s]; the scenario's"] = 1.0
 
     def __post_init__(self) -> None:
-        check_positive(
-            self,
-            ping_interval="s",
-            sigma="m",
-            horizon="s",
-            decision_interval="s",
-            max_turn_acceleration="rad/s^2",
-            deadline="s",
-        )
+        check_positive(self, horizon="s", max_turn_acceleration="rad/s^2", deadline="s")
         check_choices(self)
         check_at_least(self, stages=2, max_iterations=1)
         if (
@@ -92,6 +73,11 @@ class Trajectory:
             raise ValueError(
                 f"speed_range must be 0 < least <= greatest [m/s], got {self.speed_range}"
             )
+
+    @property
+    def constraints(self) -> Constraints:
+        """The limits it keeps within."""
+        return self.situation.constraints
 
     @property
     def condition_label(self) -> str:
@@ -105,7 +91,7 @@ class Trajectory:
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Choose the first turn of the best trajectory."""
-        decision = unusable(self, pose, auvs)
+        decision = unusable(self.situation.cna, pose, auvs)
         if decision is not None:
             self._memory.clear()
             return decision
@@ -117,13 +103,13 @@ class Trajectory:
             for part in (task.positions, task.covariance, task.process_noise)
         ):
             self._memory.clear()
-            return straight_on(self.cna, pose, Status.INVALID_INPUT, len(auvs))
+            return straight_on(self.situation.cna, pose, Status.INVALID_INPUT, len(auvs))
         last = self._memory.pop("plan", None)
         found = optimise(
             task,
             self.objective,
             limits=self._limits(auvs) if self.constraints else None,
-            last=None if last is None else last.shifted(time, durations, self.cna),
+            last=None if last is None else last.shifted(time, durations, self.situation.cna),
             max_iterations=self.max_iterations,
             hurry=lambda: self.deadline is not None and perf_counter() - began > self.deadline,
         )
@@ -135,11 +121,11 @@ class Trajectory:
 
     def _decision(self, found: Outcome) -> Decision:
         speed = float(found.speeds[0])
-        limit = speed / self.cna.min_turn_radius
+        limit = speed / self.situation.cna.min_turn_radius
         return Decision(
             turn_rate=min(max(float(found.turn_rates[0]), -limit), limit),
             speed=speed,
-            path=found.poses,
+            predict=lambda: found.poses,
             score=found.score,
             status=found.status,
             condition=found.condition,
@@ -149,54 +135,53 @@ class Trajectory:
         """Stages that last a multiple of the decision interval and end at multiples of that; the first is the rest of the present one."""
         horizon = self.horizon
         if self.objective == "covariance":
-            horizon = max(horizon, LEAST_PINGS * self.ping_interval)
-        length = self.decision_interval * max(
-            1, round(horizon / self.stages / self.decision_interval)
-        )
+            horizon = max(horizon, LEAST_PINGS * self.situation.ping_interval)
+        interval = self.situation.decision_interval
+        length = interval * max(1, round(horizon / self.stages / interval))
         durations = np.full(self.stages, length)
         durations[0] = time_to_next(time, length)
         return durations
 
     def _task(self, pose: Pose, auvs: Sequence[Belief], time: float, durations: np.ndarray) -> Task:
+        cna = self.situation.cna
         ends = np.concatenate([[0.0], np.cumsum(durations)])
         times = np.sort(np.concatenate([ends, ends[:-1] + durations / 2]))
         positions = np.stack([auv.ahead(times) for auv in auvs], axis=1)
-        water = np.diff(positions[::2], axis=0) / durations[:, None, None] - np.array(
-            [auv.drift for auv in auvs]
-        )
+        over_ground = np.diff(positions[::2], axis=0) / durations[:, None, None]
+        water = over_ground - np.array([auv.drift for auv in auvs])
         speeds = np.hypot(water[..., 0], water[..., 1])
-        still = speeds <= ROUNDING * self.cna.speed
-        headings = np.where(
-            still, [auv.mean[2] for auv in auvs], np.arctan2(water[..., 1], water[..., 0])
-        )
-        pings = intervals(time + ends, self.ping_interval)
-        reach = (
-            None
-            if self.max_turn_acceleration is None
-            else np.full(self.stages, self.max_turn_acceleration * self.decision_interval)
-        )
+        still = speeds <= ROUNDING * cna.speed
+        ways = np.arctan2(water[..., 1], water[..., 0])
+        headings = np.where(still, [auv.mean[2] for auv in auvs], ways)
         noise = np.array([auv.process_noise for auv in auvs])
-        drift = noise[:, 0] + durations[-1] * (speeds.max(axis=0) * noise[:, 1] + noise[:, 2])
+        growth = noise[:, 0] + durations[-1] * (speeds.max(axis=0) * noise[:, 1] + noise[:, 2])
         return Task(
             pose=np.array([pose.x, pose.y, pose.heading]),
             turn_rate=pose.turn_rate,
-            speed=self.speed_range or (self.cna.speed, self.cna.speed),
-            min_turn_radius=self.cna.min_turn_radius,
+            speed=self.speed_range or (cna.speed, cna.speed),
+            min_turn_radius=cna.min_turn_radius,
             durations=durations,
-            reach=reach,
-            pings=np.diff(pings),
+            reach=self._reach(),
+            pings=np.diff(intervals(time + ends, self.situation.ping_interval)),
             positions=positions,
             headings=headings,
             speeds=speeds,
             covariance=np.array([auv.covariance for auv in auvs]),
             process_noise=noise[:, [0, 0, 1, 2]],
-            spread=np.hypot(expected(auvs)[1], SURE * drift * np.sqrt(durations[-1])),
+            spread=np.hypot(expected(auvs)[1], SURE * growth * np.sqrt(durations[-1])),
             weights=np.array([auv.weight for auv in auvs], dtype=float),
-            ranging=Ranging(self.sigma, self.ranging_kind == "squared-range"),
+            ranging=self.situation.ranging,
             areas=self._areas,
             least=self.constraints.min_separation,
             greatest=self.constraints.max_separation,
         )
+
+    def _reach(self) -> np.ndarray | None:
+        """By how much the turn rate may change at each decision [rad/s]; None: by any amount."""
+        if self.max_turn_acceleration is None:
+            return None
+        largest = self.max_turn_acceleration * self.situation.decision_interval
+        return np.full(self.stages, largest)
 
     @cached_property
     def _areas(self) -> Areas:
@@ -223,7 +208,9 @@ class Trajectory:
             along=lambda positions, times: self.constraints.violation(
                 positions, ahead(times), room
             ),
-            after=lambda poses: loiter_violation(self.constraints, poses, self.cna.min_turn_radius),
+            after=lambda poses: loiter_violation(
+                self.constraints, poses, self.situation.cna.min_turn_radius
+            ),
         )
 
 

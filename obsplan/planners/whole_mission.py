@@ -1,23 +1,24 @@
 """Whole mission: plan all turns before it begins, by optimisation from many starts, and follow them."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
-from functools import cached_property, lru_cache
-from typing import Annotated, Literal
+from functools import cached_property, lru_cache, partial
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float
 
 from formulations.model.arcs import path
-from formulations.model.covariance import Ranging
 from formulations.model.frames import Frame
 from formulations.model.schedule import ROUNDING, intervals, is_multiple
 from formulations.whole_mission import Mission, Plan, optimise
-from obsplan.constraints import UNLIMITED, Constraints
-from obsplan.planners.checks import check_at_least, check_choices, check_positive
-from obsplan.planners.filed import Filed
-from obsplan.planners.limits import SURE
-from obsplan.planners.protocol import unusable
+from obsplan.constraints import Constraints
+from obsplan.planning.checks import check_at_least
+from obsplan.planning.fallback import unusable
+from obsplan.planning.filed import Filed
+from obsplan.planning.limits import SURE
+from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
@@ -51,80 +52,79 @@ class WholeMission:
 
     condition_label = ""
 
-    cna: Unicycle
+    situation: Situation
     _: KW_ONLY
-    filed: Annotated[Filed, "surveys and first covariances; the scenario's"]
-    ping_interval: Annotated[float, "time between ranges [s]; default: the scenario's"]
-    sigma: Annotated[
-        float, "standard deviation of a range [m], or squared range [m^2]; default: the scenario's"
-    ]
-    heading_sigma: Annotated[
-        float, "standard deviation of a measured heading [rad]; default: the scenario's"
-    ]
-    ranging_kind: Annotated[
-        Literal["range", "squared-range"], "what is measured; default: the scenario's"
-    ] = "range"
     segment: Annotated[
         float | None,
         "time a turn is held [s]; default: up to half the time between ranges, longer in long missions",
     ] = None
     starts: Annotated[int, "descents, at least 1"] = 24
     search_seed: Annotated[int, "of the descents' random turns, at least 0"] = 1
-    constraints: Annotated[Constraints, "limits on the aid vehicle's position; the scenario's"] = (
-        UNLIMITED
-    )
-    decision_interval: Annotated[float, "time between decisions [s]; the scenario's"] = 1.0
 
     def __post_init__(self) -> None:
-        check_positive(
-            self, ping_interval="s", sigma="m", heading_sigma="rad", decision_interval="s"
-        )
-        check_choices(self)
         check_at_least(self, starts=1, search_seed=0)
-        step = self.filed.time_step
-        if not is_multiple(self.ping_interval, step):
+        interval, step = self.situation.ping_interval, self.filed.time_step
+        if not is_multiple(interval, step):
             raise ValueError(
-                f"ping_interval must be a whole multiple of the time step, {step:.6g} s, got {self.ping_interval} s"
+                "ping_interval must be a whole multiple of the time step, "
+                f"{step:.6g} s, got {interval} s"
             )
         if self.segment is not None:
             self._check_segment(self.segment)
 
     def _check_segment(self, segment: float) -> None:
-        if not is_multiple(segment, self.decision_interval):
+        interval = self.situation.decision_interval
+        if not is_multiple(segment, interval):
             raise ValueError(
-                f"segment must be a whole multiple of the time between decisions, {self.decision_interval} s, got {segment} s"
+                "segment must be a whole multiple of the time between decisions, "
+                f"{interval} s, got {segment} s"
             )
         if segment < self._least_segment * (1 - ROUNDING):
             raise ValueError(
-                f"segment must be at least {self._least_segment:.6g} s in a mission of this length, got {segment} s"
+                f"segment must be at least {self._least_segment:.6g} s in a mission of this length, "
+                f"got {segment} s"
             )
+
+    @property
+    def filed(self) -> Filed:
+        """The surveys as filed.
+
+        Raises
+        ------
+        ValueError
+            The situation has none.
+        """
+        if self.situation.filed is None:
+            raise ValueError("a whole mission is planned from filed surveys: give them, as a Filed")
+        return self.situation.filed
+
+    @property
+    def constraints(self) -> Constraints:
+        """The limits it keeps within."""
+        return self.situation.constraints
 
     @property
     def _least_segment(self) -> float:
         """Shortest turn [s] of which no more than `MOST_TURNS` make the mission."""
-        return (
-            max(
-                1,
-                int(np.ceil(self.filed.time[-1] / MOST_TURNS / self.decision_interval - ROUNDING)),
-            )
-            * self.decision_interval
-        )
+        interval = self.situation.decision_interval
+        decisions = np.ceil(self.filed.time[-1] / MOST_TURNS / interval - ROUNDING)
+        return max(1, int(decisions)) * interval
 
     @property
     def turn_duration(self) -> float:
         """Time each turn is held [s]: two between ranges take the vehicle to any place it can reach."""
         if self.segment is not None:
             return self.segment
-        return max(
-            self._least_segment,
-            intervals(0.5 * self.ping_interval, self.decision_interval) * self.decision_interval,
-        )
+        interval = self.situation.decision_interval
+        half_way = intervals(0.5 * self.situation.ping_interval, interval) * interval
+        return max(self._least_segment, half_way)
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Look up the turn of this time in the plan that the pose is on."""
-        return unusable(self, pose, auvs) or self.voyage(pose, time=time).decision(
-            pose, time, len(auvs)
-        )
+        substitute = unusable(self.situation.cna, pose, auvs)
+        if substitute is not None:
+            return substitute
+        return self.voyage(pose, time=time).decision(pose, time, len(auvs))
 
     def prepare(self, pose: Pose, progress: Progress) -> None:
         """Plan the mission from its start on, and tell meanwhile how much of that is (done, in all)."""
@@ -132,44 +132,38 @@ class WholeMission:
 
     def voyage(self, pose: Pose, *, time: float = 0.0, progress: Progress = untold) -> "Voyage":
         """The plan that a pose at a time is on; it is made where there is none."""
-        made = _voyages(self)
-        for voyage in made:
-            if voyage.passes(pose, time):
-                return voyage
-        made.insert(0, self._made(pose, time, progress))
-        del made[KEPT:]
-        return made[0]
+        plans = plans_of(self)
+        voyage = plans.of(pose, time)
+        if voyage is None:
+            voyage = self._made(pose, time, progress)
+            plans.keep(voyage)
+        return voyage
 
     def _made(self, pose: Pose, time: float, progress: Progress) -> "Voyage":
-        frame = frame_at(pose, self.filed)
-        first = min(round(time / self.filed.time_step), self.filed.time.size - 2)
+        cna, filed = self.situation.cna, self.filed
+        frame = frame_at(pose, filed)
+        first = min(round(time / filed.time_step), filed.time.size - 2)
         plan = optimise(
             self._mission(frame, first),
-            hold=round(self.turn_duration / self.filed.time_step),
+            hold=round(self.turn_duration / filed.time_step),
             count=self.starts,
             random=np.random.default_rng(self.search_seed),
             violation=Limits(self, frame, first) if self.constraints else None,
-            margin=MARGIN * self.cna.min_turn_radius,
+            margin=MARGIN * cna.min_turn_radius,
             progress=progress,
         )
-        return Voyage(
-            self.cna,
-            pose,
-            time,
-            frame.mirror * plan.turn_rates,
-            plan.hold * self.filed.time_step,
-            plan,
-        )
+        turn_rates = frame.mirror * plan.turn_rates
+        return Voyage(cna, pose, time, turn_rates, plan.hold * filed.time_step, plan)
 
     def _mission(self, frame: Frame, first: int) -> Mission:
         """What is known from a sample on, as seen by the vehicle there."""
-        filed = self.filed
-        every = round(
-            min(self.ping_interval / filed.time_step, filed.time.size)
-        )  # at most: none in the mission
+        filed, cna = self.filed, self.situation.cna
+        steps = self.situation.ping_interval / filed.time_step
+        every = round(min(steps, filed.time.size))  # at most: none in the mission
         after = slice(first, None)
         courses = np.stack([np.cos(filed.heading[after]), np.sin(filed.heading[after])], axis=-1)
         total = filed.weights.sum()
+        alike = np.full(filed.weights.size, 1 / filed.weights.size)
         return Mission(
             time_step=filed.time_step,
             position=np.round(frame.positions(filed.position[after]), PLACES),
@@ -177,23 +171,36 @@ class WholeMission:
             speed=np.round(filed.speed[after], PLACES),
             covariance=seen_covariances(frame, filed.covariance),
             process_noise=filed.process_noise,
-            weights=filed.weights / total
-            if total > 0
-            else np.full(filed.weights.size, 1 / filed.weights.size),
-            compass=self.heading_sigma,
-            ranging=Ranging(self.sigma, self.ranging_kind == "squared-range"),
+            weights=filed.weights / total if total > 0 else alike,
+            compass=self.situation.heading_sigma,
+            ranging=self.situation.ranging,
             pings=np.arange(first // every * every + every, filed.time.size, every) - first,
             ping_every=every,
             start=np.zeros(3),
-            cna_speed=self.cna.speed,
-            max_turn_rate=self.cna.max_turn_rate,
+            cna_speed=cna.speed,
+            max_turn_rate=cna.max_turn_rate,
         )
 
 
+class Plans:
+    """Plans made for a planner, the newest `KEPT` of them."""
+
+    def __init__(self) -> None:
+        self._voyages: deque[Voyage] = deque(maxlen=KEPT)
+
+    def of(self, pose: Pose, time: float) -> "Voyage | None":
+        """The newest plan that a pose at a time is on."""
+        return next((voyage for voyage in self._voyages if voyage.passes(pose, time)), None)
+
+    def keep(self, voyage: "Voyage") -> None:
+        """Remember a plan."""
+        self._voyages.appendleft(voyage)
+
+
 @lru_cache(maxsize=8)
-def _voyages(planner: WholeMission) -> "list[Voyage]":  # noqa: ARG001 - the key
-    """Plans made for a planner in this process, the newest first: missions that differ in noise fly the same one."""
-    return []
+def plans_of(planner: WholeMission) -> Plans:  # noqa: ARG001 - the key
+    """What equal planners of this process remember: missions that differ in noise fly the same plan."""
+    return Plans()
 
 
 def frame_at(pose: Pose, filed: Filed) -> Frame:
@@ -241,7 +248,7 @@ class Limits:
         ]
         return (
             np.max([limits.fixed_violation(world), *apart], axis=0)
-            + 0.5 * self.planner.cna.speed * filed.time_step
+            + 0.5 * self.planner.situation.cna.speed * filed.time_step
         )
 
     @cached_property
@@ -294,7 +301,7 @@ class Voyage:
         return Decision(
             turn_rate=self.turn_rate(time),
             speed=self.cna.speed,
-            path=self.poses(pose, time, end),
+            predict=partial(self.poses, pose, time, end),
             score=self.plan.score,
             status=self.plan.status,
             condition=np.full(n_auvs, np.nan),

@@ -14,7 +14,7 @@ import numpy as np
 from obsplan.campaign.statistics import LEVEL, fewest_pairs, medians, signed_rank_p
 from obsplan.constraints import ROUNDING
 from obsplan.files import write_atomically
-from obsplan.planners.protocol import expression_of
+from obsplan.planning.interface import expression_of
 from obsplan.report.tables import violation_cell
 from obsplan.report.words import marked, metres, title
 from obsplan.scenario import Scenario, load

@@ -2,20 +2,23 @@
 
 from dataclasses import dataclass, fields
 from functools import cached_property
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Integer
 
-from obsplan.constraints import Constraints
+from formulations.model.covariance import Ranging
+from obsplan.constraints import Constraints, Disc
 from obsplan.missions import Mission, read_mission, to_local
 from obsplan.planners import DEFAULT_PLANNER, planner_class
-from obsplan.planners.filed import Filed
-from obsplan.planners.protocol import Planner
+from obsplan.planning.filed import Filed
+from obsplan.planning.interface import Planner
+from obsplan.planning.situation import Situation
 from obsplan.scenario.areas import Role, Shape, as_entry, as_fence, common, shapes_of
 from obsplan.scenario.plausible import check_metres_are_metres, known_speeds
-from obsplan.scenario.tables import CONTEXT, FIXED, AreaTable, MissionSurvey, ScenarioTable
+from obsplan.scenario.tables import AreaTable, MissionSurvey, ScenarioTable
 from obsplan.sensors import SENSORS, Heading
 from obsplan.surveys import SURVEYS, Motion, Reference, Waypoints
 from obsplan.types import ObsplanError, Pose
@@ -247,7 +250,7 @@ class Scenario:
         return mean, np.stack([np.diag(row**2) for row in sigma])
 
     def planner(self) -> Planner:
-        """Build the planner, telling it what it asks for of the scenario: vehicle, survey circle, ping interval, range error.
+        """Build the planner, told of the situation where it has such a field.
 
         Raises
         ------
@@ -256,37 +259,28 @@ class Scenario:
         """
         table = self.table.planner
         cls = planner_class(table.kind)
-        given = {
-            key: value
-            for key, value in options(cls, table).items()
-            if value is not None or key not in CONTEXT
-        }
-        told = {
-            f.name: self._context(f.name)
-            for f in fields(cls)
-            if f.name in CONTEXT + FIXED and f.name not in given
-        }
+        given = options(cls, table)
+        if "situation" in signature(cls).parameters:
+            given["situation"] = self.situation
         try:
-            return cls(**told, **given)
+            return cls(**given)
         except ValueError as error:
             raise self.error("planner", error) from None
 
-    def _context(self, name: str) -> Any:
-        if name == "cna":
-            return self.cna
-        if name in ("center", "radius"):
-            return self._survey_circle[name]
-        if name == "filed":
-            return self._filed
+    @cached_property
+    def situation(self) -> Situation:
+        """What planners are told, once."""
         ranging = self.table.ranging
-        return {
-            "ping_interval": ranging.interval,
-            "sigma": ranging.sigma,
-            "ranging_kind": ranging.kind,
-            "heading_sigma": self.heading_sensor.sigma,
-            "constraints": self.constraints,
-            "decision_interval": self.decide_every * self.table.time_step,
-        }[name]
+        return Situation(
+            self.cna,
+            ranging=Ranging(ranging.sigma, squared=ranging.kind == "squared-range"),
+            ping_interval=ranging.interval,
+            heading_sigma=self.heading_sensor.sigma,
+            decision_interval=self.decide_every * self.table.time_step,
+            constraints=self.constraints,
+            survey_circle=self._survey_circle,
+            filed=self._filed,
+        )
 
     @cached_property
     def constraints(self) -> Constraints:
@@ -339,7 +333,7 @@ class Scenario:
         )
 
     @cached_property
-    def _survey_circle(self) -> dict[str, Any]:
+    def _survey_circle(self) -> Disc:
         """Smallest circle about every survey, not smaller than the aid vehicle can turn."""
         import shapely
 
@@ -348,7 +342,7 @@ class Scenario:
         )
         center = shapely.minimum_bounding_circle(points).centroid
         radius = max(float(shapely.minimum_bounding_radius(points)), self.cna.min_turn_radius)
-        return {"center": (center.x, center.y), "radius": radius}
+        return Disc(x=center.x, y=center.y, radius=radius)
 
     def resolved(self) -> dict[str, Any]:
         """Contents of a file that gives this scenario again: mission files replaced by what they hold, nothing left to a default."""

@@ -13,33 +13,30 @@ from obsplan.scenario.places import Corners, Degrees, Place, Position
 from obsplan.surveys import SURVEYS
 from obsplan.types import Point, Points
 
-# what the scenario itself tells a planner that has such a field: what a user may set otherwise, and what is not the planner's to set
-CONTEXT = ("center", "radius", "ping_interval", "sigma", "ranging_kind", "heading_sigma")
-FIXED = ("cna", "constraints", "decision_interval", "filed")
-
 # what a file holds where a constructor takes east and north: places, in metres or degrees
-IN_FILES: dict[Any, Any] = {Point: Position, Points: Corners}
+IN_FILES: dict[Any, Any] = {
+    Point: Position,
+    Point | None: Position | None,  # pyright: ignore[reportOperatorIssue]
+    Points: Corners,
+}
 
 MISSION_FILE = f"mission file ({', '.join(READERS)}), relative to the scenario file"
 
 
-def table_of(
-    cls: type, name: str, *, kind: str, optional: tuple[str, ...] = (), omit: tuple[str, ...] = ()
-) -> type[Table]:
-    """Table with a key for every field of a dataclass; a field ``heading`` becomes the key ``heading_deg``, x and y make a `Place`.
+def table_of(cls: type, name: str, *, kind: str) -> type[Table]:
+    """Table with a key for every field of a dataclass but ``situation``, which a scenario tells.
 
-    A field's description is the string in its ``Annotated`` type. Fields in ``optional`` may be left out and are then None.
+    A field ``heading`` becomes the key ``heading_deg``, x and y make a `Place`. A field's description
+    is the string in its ``Annotated`` type.
     """
     keys: dict[str, Any] = {"kind": (Literal[kind], Field(default=kind, description="which one"))}
     hints = get_type_hints(cls, include_extras=True)
     for f in fields(cls):
-        if f.name in omit:
+        if f.name == "situation":
             continue
         hint, default = hints[f.name], ... if f.default is MISSING else f.default
         description = hint.__metadata__[0] if hasattr(hint, "__metadata__") else ""
         hint = IN_FILES.get(getattr(hint, "__origin__", hint), hint)
-        if f.name in optional:
-            hint, default = hint | None, None
         key, description = (
             (f"{f.name}_deg", description.replace("[rad]", "[deg]"))
             if f.name == "heading"
@@ -230,7 +227,7 @@ class PlannerTable(Table):
 def planner_table(name: str) -> type[PlannerTable]:
     """Table of one planner: the common keys and its own fields."""
     cls = planner_class(name)
-    own = table_of(cls, f"{cls.__name__}Options", kind=name, optional=CONTEXT, omit=FIXED)
+    own = table_of(cls, f"{cls.__name__}Options", kind=name)
     return create_model(f"{cls.__name__}Table", __base__=(PlannerTable, own), __module__=__name__)  # pyright: ignore[reportReturnType]
 
 

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from time import perf_counter
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -13,9 +12,18 @@ import numpy as np
 from formulations.model.casadi import evaluate, machine_code
 from formulations.model.covariance import unpack_array
 from formulations.solution import Status
-from obsplan.constraints import UNLIMITED
-from obsplan.planners.limits import within_limits
-from obsplan.planners.protocol import Planner
+from obsplan.planning.interface import (
+    ChoosesStart,
+    Draws,
+    HasCommands,
+    KeepsLimits,
+    Planner,
+    Prepares,
+    Progress,
+    check_decision,
+    check_planner,
+)
+from obsplan.planning.limits import within_limits
 from obsplan.run import Run, Timing, record
 from obsplan.scenario import Scenario, load
 from obsplan.simulation.inputs import mission_inputs
@@ -26,8 +34,6 @@ from obsplan.vehicles import Unicycle
 
 ROUNDING = 1e-9  # relative, by which a turn may exceed the limit
 CHUNK = 256  # steps between two looks at the clock and the keyboard
-
-Progress = Callable[[int, int], None]
 
 
 def simulate(
@@ -76,6 +82,9 @@ class ClosedLoop:
     planner: Planner
     compiled: bool = False
 
+    def __post_init__(self) -> None:
+        check_planner(self.planner)
+
     @cached_property
     def step(self) -> ca.Function:
         """The Function (Carry, Inputs) -> (Carry, Log) of one time step."""
@@ -94,8 +103,8 @@ class ClosedLoop:
     @property
     def start(self) -> Pose:
         """Where the aid vehicle starts: the scenario's start, unless the planner begins elsewhere."""
-        start = self.scenario.start
-        return self.planner.initial_pose(start) if hasattr(self.planner, "initial_pose") else start  # pyright: ignore[reportAttributeAccessIssue]
+        start, planner = self.scenario.start, self.planner
+        return planner.initial_pose(start) if isinstance(planner, ChoosesStart) else start
 
     def fly(self, seed: int, *, start: Pose | None = None, progress: Progress | None = None) -> Run:
         """Fly the mission under the noise of a seed, the aid vehicle from another ``start`` than `start` where one is given."""
@@ -103,20 +112,19 @@ class ClosedLoop:
         start = start or self.start
         first, inputs = mission_inputs(self.scenario, start, seed)
         steps, auvs = len(inputs.time), len(self.scenario.table.auv)
-        if hasattr(self.planner, "prepare"):
-            progress = prepared(self.planner, start, progress)
+        planner = self.planner
+        if isinstance(planner, Prepares):
+            progress = prepared(planner, start, progress)
         carry = Carry(*(np.concatenate([a[None], np.empty((steps, *a.shape))]) for a in first))
         log = Log(*(np.empty((steps, *shape_of(name, auvs))) for name in Log._fields))
         decisions: list[float] = []
-        commands = getattr(self.planner, "commands", None)
-        if commands is not None:
-            inputs.given[:, 0] = commands
-        if commands is not None or folded(self.scenario, self.planner) is not None:
+        if isinstance(planner, HasCommands):
+            inputs.given[:, 0] = planner.commands
+            self._fold(carry, inputs, log, progress)
+        elif folded(self.scenario, planner) is not None:
             self._fold(carry, inputs, log, progress)
         else:
-            planner = self.planner
-            if hasattr(planner, "for_mission"):
-                planner = planner.for_mission(seed)  # pyright: ignore[reportAttributeAccessIssue]
+            planner = planner.for_mission(seed) if isinstance(planner, Draws) else planner
             decisions = self._walk(planner, carry, inputs, log, progress)
         timing = Timing(seconds=perf_counter() - began, decision_seconds=decisions)
         return record(
@@ -169,13 +177,11 @@ class ClosedLoop:
     def _decision(self, planner: Planner, pose: Pose, auvs: list[Belief], time: float) -> Decision:
         """What the vehicle makes of the planner's manoeuvre; a planner that does not know the limits is kept within them."""
         scenario, limits = self.scenario, self.scenario.constraints
-        decision = flyable(planner.plan(pose, auvs, time=time), scenario.cna)
-        if getattr(planner, "constraints", UNLIMITED) == limits:
+        decision = check_decision(planner.plan(pose, auvs, time=time), planner)
+        decision = flyable(decision, scenario.cna)
+        if not limits or (isinstance(planner, KeepsLimits) and planner.constraints == limits):
             return decision
-        interval = scenario.decide_every * scenario.table.time_step
-        return within_limits(
-            decision, pose, auvs, cna=scenario.cna, constraints=limits, interval=interval
-        )
+        return within_limits(decision, pose, auvs, scenario.situation)
 
     def _beliefs(self, carry: Carry, inputs: Inputs, k: int) -> list[Belief]:
         """What the planner is told of each AUV."""
@@ -204,7 +210,7 @@ class ClosedLoop:
         ]
 
 
-def prepared(planner: Any, start: Pose, progress: Progress) -> Progress:
+def prepared(planner: Prepares, start: Pose, progress: Progress) -> Progress:
     """Let a planner plan before the mission; that is told as the first half, and by what is returned the mission as the second."""
     planner.prepare(start, lambda done, total: progress(done, 2 * total))
     return lambda done, steps: progress(steps + done, 2 * steps)

@@ -9,7 +9,8 @@ import numpy as np
 from formulations.model.casadi import symbol
 from formulations.model.covariance import pack, unpack
 from obsplan.estimators import Ekf
-from obsplan.planners.protocol import Expression, Planner, Targets, expression_of, guarded
+from obsplan.planning.expressions import Expression, Targets, guarded
+from obsplan.planning.interface import Planner, expression_of
 from obsplan.scenario import Scenario
 
 N = 4  # states of an AUV: east, north [m], heading [rad], speed through the water [m/s]

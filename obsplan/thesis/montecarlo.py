@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from obsplan.planners.protocol import Planner
+from obsplan.planning.interface import Planner
 from obsplan.run import Run
 from obsplan.scenario import Scenario
 from obsplan.simulation import ClosedLoop

@@ -12,14 +12,15 @@ from matplotlib.figure import Figure
 from formulations.gramian.range import DisplacementMoments, gramian_entries
 from formulations.metrics import score_expression
 from formulations.solution import Status
-from obsplan.planners.protocol import Command, Targets, decide, two_thirds_turn
+from obsplan.planning.expressions import Command, Targets, decide
+from obsplan.planning.fallback import two_thirds_turn
+from obsplan.planning.situation import Situation
 from obsplan.report.style import AID, colour
 from obsplan.scenario import Scenario, load
 from obsplan.thesis.drawing import log_ticks, panels
 from obsplan.thesis.item import Finding, Item
 from obsplan.thesis.montecarlo import figure, fly_grid, metres
 from obsplan.types import Belief, Decision, Pose
-from obsplan.vehicles import Unicycle
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -69,7 +70,7 @@ class EulerHorizon:
 
     condition_label = "κ(W)"
 
-    cna: Unicycle
+    situation: Situation
     steps: int
     turn_rates: int = 21
 
@@ -79,10 +80,10 @@ class EulerHorizon:
 
     def moments(self) -> DisplacementMoments:
         """Sums over the steps of the displacement's powers, in the body frame, instead of their integrals."""
-        dt = two_thirds_turn(self.cna) / self.steps
+        dt = two_thirds_turn(self.situation.cna) / self.steps
         heading = self.candidates[:, None] * np.arange(self.steps) * dt
         d1, d2 = (
-            self.cna.speed * dt * np.cumsum(f(heading), axis=1) for f in (np.cos, np.sin)
+            self.situation.cna.speed * dt * np.cumsum(f(heading), axis=1) for f in (np.cos, np.sin)
         )  # (candidate, step)
         sums = [
             dt * power.sum(axis=1)
@@ -95,7 +96,9 @@ class EulerHorizon:
     @property
     def candidates(self) -> np.ndarray:
         """Turn rates tried [rad/s]."""
-        return np.linspace(self.cna.max_turn_rate, -self.cna.max_turn_rate, self.turn_rates)
+        return np.linspace(
+            self.situation.cna.max_turn_rate, -self.situation.cna.max_turn_rate, self.turn_rates
+        )
 
     def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002 - the protocol's signature
         """The best candidate."""
@@ -115,7 +118,7 @@ class EulerHorizon:
             )
             chosen = ca.if_else(better, conditions[k, :], chosen)
         status = ca.if_else(best < ca.inf, float(Status.OPTIMAL), float(Status.UNOBSERVABLE))
-        return Command(turn_rate, ca.SX(self.cna.speed), best, chosen, status)
+        return Command(turn_rate, ca.SX(self.situation.cna.speed), best, chosen, status)
 
 
 def small(name: str, *settings: str) -> Scenario:
@@ -135,9 +138,9 @@ def compute_horizon(*, runs: int, seed: int) -> "xr.Dataset":
         turns=list(HORIZONS)
     )
     steps = {(name, str(n)): small(name) for name in PACES for n in EULER_STEPS}
-    cna = small("survey-fast").cna
+    situation = small("survey-fast").situation
     by_steps = fly_grid(
-        steps, ("scenario", "euler_steps"), numbers, lambda _, n: EulerHorizon(cna, int(n))
+        steps, ("scenario", "euler_steps"), numbers, lambda _, n: EulerHorizon(situation, int(n))
     )
     return by_length.assign(
         euler_rms_error=by_steps.rms_error.assign_coords(euler_steps=list(EULER_STEPS))

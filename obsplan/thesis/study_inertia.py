@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from obsplan.planners.path_inertia import PathInertia
-from obsplan.planners.protocol import Command, Targets, decide
+from obsplan.planning.expressions import Command, Targets, decide
+from obsplan.planning.situation import Situation
 from obsplan.report.style import AID, colour
 from obsplan.scenario import Scenario, load
 from obsplan.thesis.drawing import draw_tracks, log_ticks, panels
@@ -18,7 +19,6 @@ from obsplan.thesis.item import Finding, Item
 from obsplan.thesis.montecarlo import figure, fly_grid
 from obsplan.thesis.study_gramian import PACES, SMALL, WIDE, draw_medians, draw_options, seeds
 from obsplan.types import Belief, Decision, Pose
-from obsplan.vehicles import Unicycle
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -51,7 +51,7 @@ class CovarianceWeighted:
 
     condition_label = "κ(J)"
 
-    cna: Unicycle
+    situation: Situation
     planner: PathInertia
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
@@ -83,7 +83,7 @@ def compute_weights(*, runs: int, seed: int) -> "xr.Dataset":
         for share in WEIGHTS
     }
     static = fly_grid(cases, ("share",), numbers).assign_coords(share=list(WEIGHTS))
-    planner = CovarianceWeighted(one.cna, PathInertia(one.cna, gamma=1.0))
+    planner = CovarianceWeighted(one.situation, PathInertia(one.situation, gamma=1.0))
     dynamic = fly_grid({("dynamic",): one}, ("weights",), numbers, lambda _: planner).isel(
         weights=0, drop=True
     )

@@ -182,7 +182,7 @@ def test_growth_of_plain_numpy_loop(benchmark, steps):
 class PlainSimulator:
     """The same loop in the form that pybounds takes."""
 
-    def simulate(self, x0, u, aux=None):  # noqa: ARG002
+    def simulate(self, x0, u, aux=None):
         return plain_outputs(x0, u[0, 0], len(u))
 
 

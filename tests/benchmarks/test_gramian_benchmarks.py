@@ -120,7 +120,7 @@ class NumpySimulator:
 
     state_names, measurement_names = ("x", "y", "heading"), ("heading", "squared range")
 
-    def simulate(self, x0, u, aux=None):  # noqa: ARG002
+    def simulate(self, x0, u, aux=None):
         return runge_kutta_outputs(x0, u[0, 0])
 
 

@@ -100,7 +100,7 @@ def road(request, monkeypatch):
 @pytest.mark.parametrize("road", ["machine-code", "virtual-machine", "numpy"], indirect=True)
 def test_decision_of_the_default_planner(benchmark, road, auvs):  # noqa: ARG001
     benchmark.group = f"one decision of `information`, {auvs} AUVs"
-    planner = op.InformationHorizon(CNA, ping_interval=15.0, sigma=1.0)
+    planner = op.InformationHorizon(op.Situation(CNA, ping_interval=15.0))
     beliefs = known(auvs)
     decision = benchmark(planner.plan, POSE, beliefs, time=3.0)
     with pytest.MonkeyPatch.context() as patch:

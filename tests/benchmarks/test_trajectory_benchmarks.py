@@ -40,8 +40,8 @@ def fleet(count, speed):
 
 
 def planner(objective):
-    options = {"horizon": 5.0, "stages": 20, "decision_interval": STEP, "constraints": LIMITS}
-    return op.Trajectory(CNA, ping_interval=STEP, sigma=1.0, objective=objective, **options)
+    situation = op.Situation(CNA, ping_interval=STEP, decision_interval=STEP, constraints=LIMITS)
+    return op.Trajectory(situation, horizon=5.0, stages=20, objective=objective)
 
 
 def flown(asked, auvs):

@@ -2,15 +2,16 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
 
 from formulations.solution import Status
-from obsplan.constraints import Constraints, first_move_violation
-from obsplan.planners.protocol import predict_path
+from obsplan.constraints import first_move_violation
+from obsplan.planning.fallback import predict_path
+from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
-from obsplan.vehicles import Unicycle
 
 SURE = 3.0  # standard deviations of an AUV's position by which separations are kept more than the limits say
 CANDIDATES = 21  # turns tried in place of one that breaks a limit
@@ -39,10 +40,7 @@ def within_limits(
     wanted: Decision,
     pose: Pose,
     auvs: Sequence[Belief],
-    *,
-    cna: Unicycle,
-    constraints: Constraints,
-    interval: float,
+    situation: Situation,
 ) -> Decision:
     """Replace a manoeuvre that breaks a limit before the next decision, or leaves no circle to turn on, by the nearest turn that does not.
 
@@ -51,13 +49,21 @@ def within_limits(
     state = np.array([pose.x, pose.y, pose.heading])
     if not np.isfinite(state).all():
         return wanted
+    cna = situation.cna
     limit = wanted.speed / cna.min_turn_radius
     turn_rates = np.concatenate([[wanted.turn_rate], np.linspace(limit, -limit, CANDIDATES)])
     ahead, room = expected([auv for auv in auvs if np.isfinite(auv.mean).all()])
-    way = {"speed": wanted.speed, "radius": cna.min_turn_radius, "interval": interval}
-    broken = np.maximum(
-        first_move_violation(constraints, state, turn_rates, **way, auvs=ahead, room=room), 0.0
+    violation = first_move_violation(
+        situation.constraints,
+        state,
+        turn_rates,
+        speed=wanted.speed,
+        radius=cna.min_turn_radius,
+        interval=situation.decision_interval,
+        auvs=ahead,
+        room=room,
     )
+    broken = np.maximum(violation, 0.0)
     if broken[0] == 0:
         return wanted
     k = np.lexsort((abs(turn_rates - wanted.turn_rate), broken))[0]
@@ -65,6 +71,6 @@ def within_limits(
     return replace(
         wanted,
         turn_rate=turn_rate,
-        path=predict_path(cna, pose, turn_rate, wanted.speed),
+        predict=partial(predict_path, cna, pose, turn_rate, wanted.speed),
         status=status,
     )

@@ -1,0 +1,1 @@
+"""What planners are made of: what they are told, what they may offer, expressions, limits and fallbacks."""

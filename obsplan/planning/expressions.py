@@ -1,0 +1,148 @@
+"""Planners that are one CasADi expression, and how one is evaluated on its own."""
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from formulations.model.casadi import Call, symbol
+from formulations.solution import Status
+from obsplan.planning.fallback import predict_path, straight_on
+from obsplan.types import Belief, Decision, Pose
+
+OWN = 5  # numbers of a call that are no AUV's: time, and the pose's four
+ROWS = {  # of each of the targets, where AUVs are columns
+    "mean": 4,
+    "drift": 2,
+    "position_covariance": 3,
+    "weight": 1,
+}
+EACH = sum(ROWS.values())  # numbers of a call for each AUV
+CONDITION = 4  # entries of a result before the condition numbers
+
+
+class Targets(NamedTuple):
+    """Beliefs about M AUVs as expressions."""
+
+    mean: ca.SX  # 4 x M: east, north [m], heading [rad], speed through the water [m/s]
+    drift: ca.SX  # 2 x M: the current they are carried by [m/s]
+    position_covariance: ca.SX  # 3 x M: variance of east, covariance, variance of north [m^2]
+    weight: ca.SX  # M
+
+    @property
+    def velocity(self) -> ca.SX:
+        """Velocity over ground (2 x M) [m/s]."""
+        heading, speed = self.mean[2, :], self.mean[3, :]
+        return ca.vertcat(speed * ca.cos(heading), speed * ca.sin(heading)) + self.drift
+
+
+class Command(NamedTuple):
+    """A decision as expressions; ``condition`` has one entry per AUV, nan where the planner has none."""
+
+    turn_rate: ca.SX
+    speed: ca.SX
+    score: ca.SX
+    condition: ca.SX
+    status: ca.SX
+
+
+# of time [s], pose (east, north, heading, turn rate) and targets
+Expression = Callable[[ca.SX, ca.SX, Targets], Command]
+
+
+def guarded(expression: Expression, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:
+    """A planner's command; `unusable` as an expression.
+
+    It is straight on where what the planner looks at is no number or has no weight, and says why.
+    """
+    command = expression(time, pose, targets)
+    looks = ca.depends_on(command.turn_rate, ca.vec(targets.mean))
+    heard = ca.sum1(targets.weight) > 0 if looks else ca.SX(1.0)
+    seen = [pose, ca.vec(targets.mean)] if looks else [pose]
+    total = ca.sum1(ca.vertcat(*seen, command.turn_rate))
+    finite = ca.fabs(total) < ca.inf  # CasADi takes x == x for true, whatever x is
+    usable = ca.logic_and(heard, finite)
+    why = ca.if_else(heard, float(Status.INVALID_INPUT), float(Status.NO_TARGETS))
+    return Command(
+        turn_rate=ca.if_else(usable, command.turn_rate, 0.0),
+        speed=command.speed,
+        score=ca.if_else(usable, command.score, np.nan),
+        condition=ca.if_else(usable, command.condition, np.nan),
+        status=ca.if_else(usable, command.status, why),
+    )
+
+
+def decide(planner: Any, pose: Pose, auvs: Sequence[Belief], time: float) -> Decision:
+    """Evaluate the expression of a planner that has a `Situation`."""
+    cna = planner.situation.cna
+    if not auvs:
+        return straight_on(cna, pose, Status.NO_TARGETS, 0)
+    return evaluate(planner, pose, auvs, time)
+
+
+def evaluate(planner: Any, pose: Pose, auvs: Sequence[Belief], time: float) -> Decision:
+    """Evaluate a planner's expression, also for no AUVs."""
+    call = compiled(planner, len(auvs))
+    fill(call.given, pose, auvs, time)
+    return decision_of(call(), planner.situation.cna, pose)
+
+
+def fill(given: np.ndarray, pose: Pose, auvs: Sequence[Belief], time: float) -> None:
+    """Write time, pose and beliefs where a Function made of `symbols` reads them."""
+    given[:OWN] = time, pose.x, pose.y, pose.heading, pose.turn_rate
+    at = OWN
+    for auv in auvs:
+        (var_east, covariance), (_, var_north) = auv.covariance[:2, :2].tolist()
+        given[at : at + 4] = auv.mean
+        given[at + 4 : at + EACH] = *auv.drift, var_east, covariance, var_north, auv.weight
+        at += EACH
+
+
+class Symbols(NamedTuple):
+    """What a Function reads where `fill` writes: all of it, and its parts."""
+
+    given: ca.SX
+    time: ca.SX
+    pose: ca.SX  # east, north, heading, turn rate
+    targets: Targets
+    more: ca.SX  # what the caller writes itself, at the end
+
+
+def symbols(n_auvs: int, *, more: int = 0) -> Symbols:
+    """Symbols for a number of AUVs and, if wished, some more numbers."""
+    known = OWN + EACH * n_auvs
+    given = symbol("given", known + more)
+    columns = ca.reshape(given[OWN:known], EACH, n_auvs)
+    ends = np.cumsum([0, *ROWS.values()]).tolist()
+    mean, drift, covariance, weight = ca.vertsplit(columns, ends)
+    targets = Targets(mean, drift, covariance, weight.T)
+    return Symbols(given, given[0], given[1:OWN], targets, given[known:])
+
+
+def packed(command: Command) -> ca.SX:
+    """A command as one column, as `decision_of` reads it."""
+    *own, condition, status = command
+    return ca.densify(ca.vertcat(*own, status, ca.vec(condition)))
+
+
+def decision_of(result: np.ndarray, cna: Any, pose: Pose) -> Decision:
+    """The decision that a packed command stands for."""
+    turn_rate, speed, score, status = result[:CONDITION].tolist()
+    return Decision(
+        turn_rate=turn_rate,
+        speed=speed,
+        predict=partial(predict_path, cna, pose, turn_rate, speed),
+        score=score,
+        status=Status(int(status)),
+        condition=result[CONDITION:].copy(),
+    )
+
+
+@lru_cache(maxsize=64)
+def compiled(planner: Any, n_auvs: int) -> Call:
+    """The planner's expression for a number of AUVs, built once."""
+    known = symbols(n_auvs)
+    command = guarded(planner.expression, known.time, known.pose, known.targets)
+    return Call(ca.Function("decision", [known.given], [packed(command)]))

@@ -1,0 +1,48 @@
+"""What is done where there is nothing to plan for: straight on, with the status that says why."""
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+from jaxtyping import Float
+
+from formulations.model.arcs import arcs
+from formulations.solution import Status
+from obsplan.types import Belief, Decision, Pose
+from obsplan.vehicles import Unicycle
+
+PATH_POINTS = 21  # poses in a predicted path
+
+
+def unusable(cna: Unicycle, pose: Pose, auvs: Sequence[Belief]) -> Decision | None:
+    """Go straight on where no AUV has a weight, or a pose or a mean is not finite; None if all is well."""
+    if not any(auv.weight > 0 for auv in auvs):
+        return straight_on(cna, pose, Status.NO_TARGETS, len(auvs))
+    known = [[pose.x, pose.y, pose.heading, pose.turn_rate], *(auv.mean for auv in auvs)]
+    if np.isfinite(known).all():
+        return None
+    return straight_on(cna, pose, Status.INVALID_INPUT, len(auvs))
+
+
+def straight_on(cna: Unicycle, pose: Pose, status: Status, n_auvs: int) -> Decision:
+    """Go straight on at cruising speed, with the status that made it necessary."""
+    return Decision(
+        turn_rate=0.0,
+        speed=cna.speed,
+        predict=partial(predict_path, cna, pose, 0.0, cna.speed),
+        status=status,
+        condition=np.full(n_auvs, np.nan),
+    )
+
+
+def predict_path(
+    cna: Unicycle, pose: Pose, turn_rate: float, speed: float
+) -> Float[np.ndarray, "steps 3"]:
+    """Poses on the arc held for two thirds of the smallest circle, the thesis's horizon."""
+    times = np.linspace(0.0, two_thirds_turn(cna), PATH_POINTS)
+    return arcs(np.array([pose.x, pose.y, pose.heading]), np.array(turn_rate), speed, times)
+
+
+def two_thirds_turn(cna: Unicycle) -> float:
+    """Time [s] the vehicle needs for two thirds of its smallest circle (thesis 4.2)."""
+    return 2.0 / 3.0 * 2.0 * np.pi * cna.min_turn_radius / cna.speed

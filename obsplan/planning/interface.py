@@ -1,0 +1,195 @@
+"""What a planner is, what else it may offer, and a check that it is one.
+
+Each protocol below `Planner` is a capability: a planner that has the attribute has it.
+"""
+
+import difflib
+import inspect
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from obsplan.constraints import Constraints
+from obsplan.planning.expressions import Expression
+from obsplan.planning.situation import Situation
+from obsplan.types import Belief, Decision, ObsplanError, Pose
+
+ALIKE = 0.85  # of a name to a capability's (difflib's ratio), from which it is taken for misspelt
+CALL = "plan(pose, auvs, *, time=0.0)"
+
+Progress = Callable[[int, int], None]  # done, in all
+
+
+@runtime_checkable
+class Planner(Protocol):
+    """Anything that turns what is known of the AUVs into the aid vehicle's next manoeuvre."""
+
+    def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
+        """Choose turn rate and speed to hold until the next decision, at a time [s] of the mission."""
+        ...
+
+
+@runtime_checkable
+class Situated(Planner, Protocol):
+    """Is told of the mission: the scenario gives it a `Situation` when it builds it."""
+
+    @property
+    def situation(self) -> Situation:
+        """What it was told."""
+        ...
+
+
+@runtime_checkable
+class ChoosesStart(Planner, Protocol):
+    """Begins elsewhere than where the scenario has the vehicle."""
+
+    def initial_pose(self, pose: Pose) -> Pose:
+        """Where it wants to start instead of at a pose."""
+        ...
+
+
+@runtime_checkable
+class Draws(Planner, Protocol):
+    """Draws random numbers."""
+
+    def for_mission(self, seed: int) -> Planner:
+        """The planner of the mission that is flown under a seed."""
+        ...
+
+
+@runtime_checkable
+class Prepares(Planner, Protocol):
+    """Plans before the mission begins."""
+
+    def prepare(self, pose: Pose, progress: Progress) -> None:
+        """Plan from the start on, calling ``progress(done, in all)``."""
+        ...
+
+
+@runtime_checkable
+class KeepsLimits(Planner, Protocol):
+    """Keeps within limits by itself; the simulator keeps every other planner within them."""
+
+    @property
+    def constraints(self) -> Constraints:
+        """The limits it keeps within."""
+        ...
+
+
+@runtime_checkable
+class HasExpression(Planner, Protocol):
+    """Decides by one CasADi expression, which the simulator folds into its step.
+
+    Such a planner is hashable. One that has an expression only under some options has None under
+    the others, and is then called.
+    """
+
+    @property
+    def expression(self) -> Expression | None:
+        """The decision as a function of symbols."""
+        ...
+
+
+@runtime_checkable
+class HasCommands(Planner, Protocol):
+    """Has fixed every command beforehand: they are flown whatever limits there are, and ``plan`` is not called."""
+
+    @property
+    def commands(self) -> Float[np.ndarray, "steps 2"]:
+        """Turn rate [rad/s] and speed [m/s] over each time step."""
+        ...
+
+
+@runtime_checkable
+class NamesCondition(Planner, Protocol):
+    """Says what its condition numbers are of."""
+
+    @property
+    def condition_label(self) -> str:
+        """Such as κ(W); empty where it has none."""
+        ...
+
+
+CAPABILITIES = {
+    "situation": Situated,
+    "initial_pose": ChoosesStart,
+    "for_mission": Draws,
+    "prepare": Prepares,
+    "constraints": KeepsLimits,
+    "expression": HasExpression,
+    "commands": HasCommands,
+    "condition_label": NamesCondition,
+}
+
+
+def expression_of(planner: Planner) -> Expression | None:
+    """The decision as one expression; None where ``plan`` has to be called."""
+    return planner.expression if isinstance(planner, HasExpression) else None
+
+
+def check_planner(planner: Any) -> None:
+    """Refuse what is no planner, and what was meant as a capability but is misspelt.
+
+    Raises
+    ------
+    ObsplanError
+        A class instead of an object, no ``plan``, one that takes other arguments, or an attribute
+        that is nearly, but not quite, a capability's name.
+    """
+    if isinstance(planner, type):
+        raise ObsplanError(
+            f"a planner must be an object, and {planner.__name__} is a class: "
+            f"give {planner.__name__}(...)"
+        )
+    name = type(planner).__name__
+    plan = getattr(planner, "plan", None)
+    if not callable(plan):
+        raise ObsplanError(f"a planner must have a method {CALL}, and {name} has none")
+    if not _can_be_called(plan):
+        raise ObsplanError(
+            f"a planner must have a method {CALL}, and {name} has "
+            f"plan{inspect.signature(plan)}: give it these arguments"
+        )
+    for attribute in dir(planner):
+        meant = _capability_meant(attribute)
+        if meant is not None and not hasattr(planner, meant):
+            raise ObsplanError(f'{name} has "{attribute}": did you mean "{meant}"? Rename it')
+
+
+def check_decision(decision: Any, planner: object) -> Decision:
+    """Refuse what a planner returns instead of a `Decision`.
+
+    Raises
+    ------
+    ObsplanError
+        Anything else.
+    """
+    if not isinstance(decision, Decision):
+        raise ObsplanError(
+            f"plan of {type(planner).__name__} must return an obsplan.Decision, "
+            f"and returned {type(decision).__name__}"
+        )
+    return decision
+
+
+def _can_be_called(plan: Callable[..., Any]) -> bool:
+    """Whether ``plan`` can be called as the loop calls it."""
+    try:
+        signature = inspect.signature(plan)
+    except ValueError:  # of a function written in C, nothing is known
+        return True
+    try:
+        signature.bind(None, [], time=0.0)
+    except TypeError:
+        return False
+    return True
+
+
+def _capability_meant(attribute: str) -> str | None:
+    """The capability whose name an attribute nearly has."""
+    if attribute.startswith("_") or attribute in CAPABILITIES:
+        return None
+    close = difflib.get_close_matches(attribute, CAPABILITIES, n=1, cutoff=ALIKE)
+    return close[0] if close else None

@@ -1,0 +1,52 @@
+"""What a planner is told of the mission, once."""
+
+import math
+from dataclasses import KW_ONLY, dataclass, fields
+from functools import cached_property
+
+from formulations.model.covariance import Ranging
+from obsplan.constraints import UNLIMITED, Constraints, Disc
+from obsplan.planning.checks import check_positive
+from obsplan.planning.filed import Filed
+from obsplan.vehicles import Unicycle
+
+METRE = Ranging(sigma=1.0, squared=False)
+
+
+@dataclass(frozen=True)
+class Situation:
+    """Vehicle, ranging, schedule, limits and surveys that a planner plans for; a scenario builds it.
+
+    Written by hand it needs the vehicle alone. The other values are then those that a scenario has
+    where it does not say, without limits and surveys.
+
+    Raises
+    ------
+    ValueError
+        A time or a standard deviation that is not positive and finite.
+    """
+
+    cna: Unicycle
+    _: KW_ONLY
+    ranging: Ranging = METRE
+    ping_interval: float = 15.0  # [s] between ranges to each AUV, counted from time 0
+    heading_sigma: float = math.radians(1.0)  # of a measured heading [rad]
+    decision_interval: float = 1.0  # [s] between decisions
+    constraints: Constraints = UNLIMITED
+    survey_circle: Disc | None = None  # the smallest about every survey that the vehicle can follow
+    filed: Filed | None = None  # the surveys as filed
+
+    def __post_init__(self) -> None:
+        check_positive(self, ping_interval="s", heading_sigma="rad", decision_interval="s")
+        if not 0 < self.ranging.sigma < math.inf:
+            unit = "m^2" if self.ranging.squared else "m"
+            raise ValueError(
+                f"sigma must be positive and finite [{unit}], got {self.ranging.sigma}"
+            )
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash(tuple(getattr(self, field.name) for field in fields(self)))
+
+    def __hash__(self) -> int:
+        return self._hash  # planners with it are keys of what is built for them
