@@ -222,6 +222,24 @@ def test_mission_that_kills_its_worker_is_recorded_and_costs_no_other(tmp_path):
 
 
 @pytest.mark.slow
+def test_scheduler_that_is_killed_is_one_sentence_and_the_store_goes_on_elsewhere(
+    tmp_path, arguments, undisturbed
+):
+    with cluster(tmp_path) as address:
+        process = start(*arguments, tmp_path / "out", "--scheduler", address)
+        wait_until(lambda: flown(tmp_path / "out") >= 10)
+        for child in psutil.Process().children():
+            if any("dask_scheduler" in word for word in child.cmdline()):
+                child.kill()
+        _, err = finish(process, code=2)
+    assert err.startswith("obsplan: the scheduler was lost; what was flown is kept")
+    assert err.count("\n") == 1
+    assert flown(tmp_path / "out") >= 10
+    finish(start(*arguments, tmp_path / "out", "--workers", 1))
+    assert tables(tmp_path / "out") == undisturbed
+
+
+@pytest.mark.slow
 def test_full_disk_is_one_sentence_and_the_store_goes_on_when_there_is_room(
     tmp_path, arguments, undisturbed
 ):

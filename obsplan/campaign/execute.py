@@ -1,8 +1,11 @@
 """Fly what is missing of a campaign: on local processes or on a Dask cluster, by the same road."""
 
+import asyncio
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -19,7 +22,7 @@ from obsplan.files import write_atomically
 from obsplan.types import ObsplanError
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Client
 
 BATCH_SECONDS = 1.0  # of work in a batch; to schedule one costs some milliseconds
 MOST_IN_A_BATCH = 1000
@@ -28,6 +31,7 @@ WORTH_COMPILING = 32  # missions per worker that repay a second of compiling
 MOST_LISTED = 20  # failures
 LOOK_AROUND = 5.0  # [s] between two counts of the cluster's threads
 DIED = "its worker process died every time it was tried; perhaps the memory did not suffice"
+LOST = "the scheduler was lost; what was flown is kept, and the same command goes on from there"
 
 Progress = Callable[[int, int, int], None]  # missions flown now, to be flown now, failed now
 
@@ -173,40 +177,45 @@ class Flight:
         self.capacity += self.threads * (now - self.looked if self.looked else 0.0)
         self.looked = now
         if now - self.counted > LOOK_AROUND:
-            self.threads, self.counted = max(1, sum(self.client.nthreads().values())), now  # pyright: ignore[reportAttributeAccessIssue]
+            self.counted = now
+            with suppress(Exception):  # a scheduler that is gone is told of by the batches
+                self.threads = max(1, sum(self.client.nthreads().values()))  # pyright: ignore[reportAttributeAccessIssue]
 
     def drive(self, batches: Iterator[Batch], bury: Callable[[Batch], Any]) -> None:
-        """Keep the window full and store what comes out of it; ``bury`` gets the batches whose workers died."""
-        from distributed import as_completed
+        """Keep the window full and store what comes out of it.
 
-        flying: dict[Any, Batch] = {}
-        finished = as_completed(with_results=True, raise_errors=False, loop=self.client.loop)
+        ``bury`` gets the batches whose workers died.
+        """
+        loop = self.client.loop.asyncio_loop  # pyright: ignore[reportAttributeAccessIssue]
+        flying: dict[Future[Flown | None], Batch] = {}
         while True:
             self._look_around()
-            for batch in islice(batches, max(0, AHEAD * self.threads - len(flying))):
-                future = self.client.submit(fly_batch, batch, pure=False)
-                flying[future] = batch
-                finished.add(future)
+            room = max(0, AHEAD * self.threads - len(flying))
+            for batch in islice(batches, room):
+                sent = asyncio.run_coroutine_threadsafe(brought(self.client, batch), loop)
+                flying[sent] = batch
             if not flying:
                 return
-            landed = [
-                (flying.pop(future), result_of(future, result))
-                for future, result in finished.next_batch()
-            ]
-            self._keep(
-                [
-                    (batch.cell, outcome)
-                    for batch, flown in landed
-                    if flown
-                    for outcome in flown.outcomes
-                ]
-            )
-            for batch, flown in landed:
-                if flown is None:
-                    bury(batch)
-                else:
-                    self.work += flown.seconds
-                    self.pace[batch.cell] = flown.seconds / len(batch.seeds)
+            landed, _ = wait(flying, timeout=LOOK_AROUND, return_when=FIRST_COMPLETED)
+            self._store([(flying.pop(sent), sent.result()) for sent in landed], bury)
+
+    def _store(
+        self, landed: list[tuple[Batch, Flown | None]], bury: Callable[[Batch], Any]
+    ) -> None:
+        """Keep what came back, in one transaction; then hand on what did not."""
+        outcomes = []
+        dead = []
+        for batch, flown in landed:
+            if flown is None:
+                dead.append(batch)
+                continue
+            outcomes += [(batch.cell, outcome) for outcome in flown.outcomes]
+            self.work += flown.seconds
+            self.pace[batch.cell] = flown.seconds / len(batch.seeds)
+        if outcomes:
+            self._keep(outcomes)
+        for batch in dead:
+            bury(batch)
 
     def _keep(self, flown: list[tuple[int, Outcome]]) -> None:
         self.store.add(flown)
@@ -228,8 +237,11 @@ class Flight:
         }
 
 
-def result_of(future: "Future", result: Any) -> Flown | None:
-    """What a worker returned, or None if it died of it.
+async def brought(client: "Client", batch: Batch) -> Flown | None:
+    """What a worker made of a batch, or None if it died of it.
+
+    A worker that dies takes the finished results that it still holds; Dask computes these again,
+    and ``gather`` waits for that.
 
     Raises
     ------
@@ -239,19 +251,22 @@ def result_of(future: "Future", result: Any) -> Flown | None:
     from distributed import KilledWorker
 
     ours = obsplan.__version__
-    if future.status == "finished":
-        if result.version != ours:
-            raise ObsplanError(
-                f"a worker has obsplan {result.version} and this is {ours}; install {ours} there and repeat"
-            )
-        return result
-    if future.status != "error":
-        raise ObsplanError(
-            "the scheduler was lost; what was flown is kept, and the same command goes on from there"
-        )
-    error = result[1]
-    if isinstance(error, KilledWorker):
+    future = None
+    try:
+        future = client.submit(fly_batch, batch, pure=False)
+        flown = await client.gather(future, asynchronous=True)
+    except KilledWorker:
         return None
-    raise ObsplanError(
-        f"a worker cannot fly missions ({type(error).__name__}: {error}); install obsplan {ours} there"
-    ) from error
+    except Exception as error:
+        if future is None or future.status != "error":  # it is not the batch that failed
+            raise ObsplanError(LOST) from error
+        raise ObsplanError(
+            f"a worker cannot fly missions ({type(error).__name__}: {error}); "
+            f"install obsplan {ours} there"
+        ) from error
+    if flown.version != ours:
+        raise ObsplanError(
+            f"a worker has obsplan {flown.version} and this is {ours}; "
+            f"install {ours} there and repeat"
+        )
+    return flown
