@@ -8,7 +8,9 @@ import pytest
 from campaigns import wait_until, write_scenario
 from distributed import Client, KilledWorker, LocalCluster
 
+import obsplan
 from obsplan.campaign import execute, plan_cells
+from obsplan.campaign.code import code_hash
 from obsplan.campaign.execute import Flight, brought
 from obsplan.campaign.store import Store
 from obsplan.campaign.worker import Batch, Flown, Outcome
@@ -21,7 +23,7 @@ LOST = "the scheduler was lost; what was flown is kept"
 def fly_nothing(batch):
     """A batch of missions that take no time."""
     outcomes = [Outcome(seed, None, {}, "{}", "{}") for seed in batch.seeds]
-    return Flown(outcomes, 0.0, execute.obsplan.__version__)
+    return Flown(outcomes, 0.0, obsplan.__version__, code_hash())
 
 
 @pytest.fixture

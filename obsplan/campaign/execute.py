@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import obsplan
 from obsplan.campaign.cluster import connected, end_if_worker
+from obsplan.campaign.code import code_hash
 from obsplan.campaign.plan import Cell
 from obsplan.campaign.store import FILE, Store, no_store
 from obsplan.campaign.table import export
@@ -44,6 +45,7 @@ class Report:
     flown: int  # now; the others were there
     failed: int  # of all planned
     failures: list[tuple[Cell, int, str]]  # the first of them: cell, seed, reason
+    set_aside: int  # in the store, but of other code or scenarios since changed: not in the table
 
 
 def fly_campaign(
@@ -104,6 +106,7 @@ def fly_campaign(
                 len(cell.seeds) - store.count(number, cell.seeds) for number, cell in planned
             ),
             failures=[*islice(failures, MOST_LISTED)],
+            set_aside=store.set_aside(),
         )
 
 
@@ -246,11 +249,11 @@ async def brought(client: "Client", batch: Batch) -> Flown | None:
     Raises
     ------
     ObsplanError
-        The worker could not even begin, is of another version, or the scheduler is gone.
+        The worker could not even begin, has other code or another version, or the scheduler is
+        gone.
     """
     from distributed import KilledWorker
 
-    ours = obsplan.__version__
     future = None
     try:
         future = client.submit(fly_batch, batch, pure=False)
@@ -262,11 +265,22 @@ async def brought(client: "Client", batch: Batch) -> Flown | None:
             raise ObsplanError(LOST) from error
         raise ObsplanError(
             f"a worker cannot fly missions ({type(error).__name__}: {error}); "
-            f"install obsplan {ours} there"
+            f"install obsplan {obsplan.__version__} there"
         ) from error
+    check_same_copy(flown)
+    return flown
+
+
+def check_same_copy(flown: Flown) -> None:
+    """Refuse what another version flew, or other code under the same version."""
+    ours = obsplan.__version__
     if flown.version != ours:
         raise ObsplanError(
             f"a worker has obsplan {flown.version} and this is {ours}; "
             f"install {ours} there and repeat"
         )
-    return flown
+    if flown.code != code_hash():
+        raise ObsplanError(
+            f"a worker has obsplan {ours}, the same version as here but other code; "
+            "give both the same copy, start the workers again and repeat"
+        )

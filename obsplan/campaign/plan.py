@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
+from obsplan.campaign.code import code_hash
 from obsplan.scenario import Scenario, load
 from obsplan.types import ObsplanError
 
@@ -24,8 +25,9 @@ GREATEST_SEED = 2**63 - 1  # that the store's integers hold
 class Cell:
     """One scenario under one planner with one choice of settings: flown once per seed.
 
-    ``content`` is all that a worker needs, on whatever host. ``key`` names content and version, so that with a seed it names a mission;
-    ``base`` names, likewise, the scenario before planner and settings are put over it.
+    ``content`` is all that a worker needs, on whatever host. ``key`` names the content, and the
+    version and code that fly it, so that with a seed it names a mission; ``base`` names, likewise,
+    the scenario before planner and settings are put over it.
     """
 
     scenario: str
@@ -163,7 +165,7 @@ def content_of(scenario: Scenario) -> str:
 
 
 def key_of(content: str) -> str:
-    """SHA-256 of the content and the version that flies it."""
+    """SHA-256 of the content, and of the version and the code that fly it."""
     from obsplan import __version__
 
-    return hashlib.sha256(f"{__version__}\0{content}".encode()).hexdigest()
+    return hashlib.sha256(f"{__version__}\0{code_hash()}\0{content}".encode()).hexdigest()

@@ -151,6 +151,11 @@ class Store:
             for number, scenario, planner, content in rows
         ]
 
+    def set_aside(self) -> int:
+        """Number of missions flown by other code, or in scenarios as they were before."""
+        others = f"SELECT count(*) FROM mission WHERE cell NOT IN (SELECT id FROM {CURRENT})"
+        return int(self._all(others)[0][0])
+
     def varied_keys(self) -> list[str]:
         """Keys that were ever varied, in order."""
         return [key for (key,) in self._all("SELECT key FROM varied ORDER BY key")]

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import obsplan
+from obsplan.campaign.code import code_hash
 from obsplan.run import Run
 from obsplan.scenario import from_dict
 from obsplan.simulation import ClosedLoop
@@ -30,11 +31,12 @@ class Outcome(NamedTuple):
 
 
 class Flown(NamedTuple):
-    """A batch: its outcomes, the time it took [s], and the version that flew it."""
+    """A batch: its outcomes, the time it took [s], and who flew it."""
 
     outcomes: list[Outcome]
     seconds: float
-    version: str
+    version: str  # of obsplan
+    code: str  # `code_hash`
 
 
 class Batch(NamedTuple):
@@ -51,7 +53,8 @@ def fly_batch(batch: Batch) -> Flown:
     with ALONE:
         began = perf_counter()
         outcomes = [fly_mission(batch, seed) for seed in batch.seeds]
-        return Flown(outcomes, perf_counter() - began, obsplan.__version__)
+        seconds = perf_counter() - began
+        return Flown(outcomes, seconds, obsplan.__version__, code_hash())
 
 
 def fly_mission(batch: Batch, seed: int) -> Outcome:

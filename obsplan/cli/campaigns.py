@@ -92,6 +92,11 @@ def fly(
     say(
         f"{report.missions} missions: {report.flown} flown now, {report.missions - report.flown} were there, {report.failed} failed."
     )
+    if report.set_aside:
+        say(
+            f"{report.set_aside} earlier ones are kept but not in the table: other code or another "
+            "version flew them, or the scenario was another."
+        )
     for cell, number, reason in report.failures:
         complain(f"{cell.label}, seed {number}: {reason}")
     if report.failed > len(report.failures):
