@@ -8,11 +8,8 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
+from obsplan.campaign.suite import decision_time, least_error, missions_of, read_suite
 from obsplan.report.suite import (
-    decision_time,
-    least_error,
-    missions_of,
-    read_suite,
     scenario_table,
     suite_figure,
     suite_sentences,

@@ -124,8 +124,8 @@ def compare_suite(
 ) -> None:
     """Fly a campaign of planners over the suite, and say who wins where; the folder is resumed if it is there."""
     from obsplan.campaign import load_campaign, plan_cells
+    from obsplan.campaign.suite import missions_of, read_suite, yardsticks
     from obsplan.report import scenario_table, suite_sentences, suite_table, write_suite
-    from obsplan.report.suite import missions_of, read_suite, yardsticks
     from obsplan.scenario import suite
 
     cells = plan_cells(suite(), planners=planners, vary=settings, runs=runs, seed=seed)
