@@ -58,7 +58,8 @@ def fly_campaign(
 ) -> Report:
     """Fly what a folder's store lacks of the cells, keep it, and export the table.
 
-    Everything finished stays, whatever ends the campaign; the same call goes on from there. Missions that failed are flown again.
+    Everything finished stays, whatever ends the campaign; the same call goes on from there.
+    Missions that failed are flown again.
 
     Parameters
     ----------
@@ -74,14 +75,15 @@ def fly_campaign(
     Raises
     ------
     ObsplanError
-        The folder cannot be used, the cluster is not there, or its workers have another version of obsplan.
+        The folder cannot be used, the cluster is not there, or its workers have another copy of
+        obsplan.
     """
     end_if_worker()
     folder = claimed(Path(folder))
     with Store(folder) as store:
         numbers = store.enter(cells)
         planned = [*zip(numbers, cells, strict=True)]
-        missing = [len(cell.seeds) - store.count(number, cell.seeds) for number, cell in planned]
+        missing = lacking(store, planned)
         if any(missing):
             with connected(workers=workers, most=sum(missing), scheduler=scheduler) as client:
                 flight = Flight(
@@ -94,29 +96,33 @@ def fly_campaign(
                 timing = flight.timing()
             write_atomically(folder / "timing.json", json.dumps(timing, indent=2) + "\n")
         export(store, folder)
-        failures = (
-            (cell, seed, why)
-            for number, cell in planned
-            for seed, why in store.failures(number, cell.seeds)
-        )
         return Report(
             missions=sum(len(cell.seeds) for cell in cells),
             flown=sum(missing),
-            failed=sum(
-                len(cell.seeds) - store.count(number, cell.seeds) for number, cell in planned
-            ),
-            failures=[*islice(failures, MOST_LISTED)],
+            failed=sum(lacking(store, planned)),
+            failures=[*islice(failures(store, planned), MOST_LISTED)],
             set_aside=store.set_aside(),
         )
+
+
+def lacking(store: Store, planned: Iterable[tuple[int, Cell]]) -> list[int]:
+    """How many of each cell's missions have not been flown with success."""
+    return [len(cell.seeds) - store.count(number, cell.seeds) for number, cell in planned]
+
+
+def failures(store: Store, planned: Iterable[tuple[int, Cell]]) -> Iterator[tuple[Cell, int, str]]:
+    """Each failed mission's cell, seed and reason."""
+    for number, cell in planned:
+        for seed, why in store.failures(number, cell.seeds):
+            yield cell, seed, why
 
 
 def claimed(folder: Path) -> Path:
     """The folder of a campaign, new or to be resumed."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        inside = {
-            path.name for path in folder.iterdir()
-        }  # looked at once: another campaign may be making its store
+        # looked at once: another campaign may be making its store
+        inside = {path.name for path in folder.iterdir()}
         if inside and FILE not in inside:
             raise no_store(
                 folder, "holds something that is not a campaign", "give another folder with --out"
@@ -130,7 +136,10 @@ def claimed(folder: Path) -> Path:
 
 @dataclass(kw_only=True)
 class Flight:
-    """A campaign under way: a window of batches moves over what is missing, so memory does not grow with it."""
+    """A campaign under way.
+
+    A window of batches moves over what is missing, so memory does not grow with it.
+    """
 
     client: "Client"
     store: Store
@@ -145,20 +154,23 @@ class Flight:
     looked: float = 0.0
     counted: float = -math.inf
     threads: int = 1
-    pace: dict[int, float] = field(
-        default_factory=dict
-    )  # of each cell, as last seen [s per mission]
+    # of each cell, as last seen [s per mission]
+    pace: dict[int, float] = field(default_factory=dict)
     suspects: list[Batch] = field(default_factory=list)
 
     def batches(
         self, planned: Iterable[tuple[int, Cell]], missing: Iterable[int]
     ) -> Iterator[Batch]:
-        """Batches of about a second, smaller toward the end so that no worker is left alone with a long one."""
-        for (number, cell), lacking in zip(planned, missing, strict=True):
+        """Batches of about a second, smaller toward the end.
+
+        So no worker is left alone with a long one.
+        """
+        for (number, cell), many in zip(planned, missing, strict=True):
             seeds = self.store.missing(number, cell.seeds)
             while some := tuple(islice(seeds, self._size(number))):
                 self.issued += len(some)
-                yield Batch(number, cell.content, some, lacking >= WORTH_COMPILING * self.threads)
+                compiled = many >= WORTH_COMPILING * self.threads
+                yield Batch(number, cell.content, some, compiled)
 
     def _size(self, cell: int) -> int:
         share = math.ceil((self.todo - self.issued) / (2 * self.threads))
@@ -166,23 +178,32 @@ class Flight:
         return max(1, min(by_pace, share, MOST_IN_A_BATCH))
 
     def fly(self, batches: Iterator[Batch]) -> None:
-        """Fly all; then those that were under way where workers kept dying, each alone, to find which is to blame."""
+        """Fly all; then what was under way where workers kept dying, each mission alone.
+
+        So the one that is to blame is found.
+        """
         self.drive(batches, self.suspects.append)
-        alone = [batch._replace(seeds=(seed,)) for batch in self.suspects for seed in batch.seeds]
-        for batch in alone:
-            self.drive(
-                iter([batch]), lambda one: self._keep([(one.cell, failed(one.seeds[0], DIED))])
-            )
+        for batch in self.suspects:
+            for seed in batch.seeds:
+                self.drive(iter([batch._replace(seeds=(seed,))]), self._blame)
+
+    def _blame(self, alone: Batch) -> None:
+        """Record that a mission, flown alone, kills its worker."""
+        self._keep([(alone.cell, failed(alone.seeds[0], DIED))])
 
     def _look_around(self) -> None:
-        """Count the workers' threads, which come and go on a cluster, and what they could have done since the last look."""
+        """Count the workers' threads, which come and go on a cluster.
+
+        And what they could have done since the last look.
+        """
         now = perf_counter()
         self.capacity += self.threads * (now - self.looked if self.looked else 0.0)
         self.looked = now
         if now - self.counted > LOOK_AROUND:
             self.counted = now
             with suppress(Exception):  # a scheduler that is gone is told of by the batches
-                self.threads = max(1, sum(self.client.nthreads().values()))  # pyright: ignore[reportAttributeAccessIssue]
+                threads = self.client.nthreads().values()  # pyright: ignore[reportAttributeAccessIssue]
+                self.threads = max(1, sum(threads))
 
     def drive(self, batches: Iterator[Batch], bury: Callable[[Batch], Any]) -> None:
         """Keep the window full and store what comes out of it.
@@ -235,8 +256,8 @@ class Flight:
             "threads": self.threads,
             "seconds": seconds,
             "missions_per_second": self.done / seconds,
-            "share_of_time_in_missions": self.work
-            / self.capacity,  # the rest is scheduling, and waiting at the end
+            # the rest is scheduling, and waiting at the end
+            "share_of_time_in_missions": self.work / self.capacity,
         }
 
 

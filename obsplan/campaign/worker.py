@@ -15,9 +15,8 @@ from obsplan.scenario import from_dict
 from obsplan.simulation import ClosedLoop
 
 CELLS_KEPT = 8  # compiled loops a worker keeps
-ALONE = (
-    threading.Lock()
-)  # one mission at a time in a process, however many threads the worker was given
+# one mission at a time in a process, however many threads the worker was given
+ALONE = threading.Lock()
 
 
 class Outcome(NamedTuple):
@@ -88,7 +87,8 @@ def divergence(run: Run) -> str | None:
     if finite.all():
         return None
     auv, sample = np.argwhere(~finite)[0]
-    return f"the filter diverged: the estimate of {run.names[auv]} is not finite from {run.time[sample]:g} s on"
+    since = f"{run.time[sample]:g} s"
+    return f"the filter diverged: the estimate of {run.names[auv]} is not finite from {since} on"
 
 
 def text(value: Any) -> str:

@@ -180,7 +180,7 @@ def add_colour_bar(figure: "Figure", image: "AxesImage") -> None:
 
 
 def write_suite(suite: Suite, folder: Path) -> list[str]:
-    """Write ``suite.csv``, ``planners.csv`` and ``suite.png`` into a folder; returns their names."""
+    """Write ``suite.csv``, ``planners.csv`` and ``suite.png`` to a folder; returns their names."""
     from obsplan.report.style import png
 
     timeless = suite.planners.drop(columns="decision_ms")  # the same bytes on every machine
