@@ -1,4 +1,4 @@
-"""The code that flies is part of a campaign's key: what can change a mission counts, nothing else does."""
+"""The code that flies is part of a campaign's key: what can change a mission, and nothing else."""
 
 import asyncio
 import shutil
@@ -129,7 +129,7 @@ class Elsewhere:
     ("version", "code", "sentence"),
     [
         ("0.0.1", "0", r"a worker has obsplan 0\.0\.1 and this is .*; install"),
-        (obsplan.__version__, "0", "the same version as here but other code; give both the same copy"),
+        (obsplan.__version__, "0", "the same version as here but other code; give both the same"),
     ],
 )  # fmt: skip
 def test_worker_of_another_version_or_other_code_is_refused_by_what_differs(

@@ -29,10 +29,8 @@ def fly_nothing(batch):
 @pytest.fixture
 def pool():
     """A cluster of one worker inside this process, and its client."""
-    with (
-        LocalCluster(processes=False, n_workers=1, threads_per_worker=1, dashboard_address=None) as pool,
-        Client(pool) as client,
-    ):  # fmt: skip
+    one = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None}
+    with LocalCluster(processes=False, **one) as pool, Client(pool) as client:
         yield pool, client
 
 

@@ -202,21 +202,23 @@ class Flight:
         if now - self.counted > LOOK_AROUND:
             self.counted = now
             with suppress(Exception):  # a scheduler that is gone is told of by the batches
-                threads = self.client.nthreads().values()  # pyright: ignore[reportAttributeAccessIssue]
-                self.threads = max(1, sum(threads))
+                threads: Any = self.client.nthreads()
+                self.threads = max(1, sum(threads.values()))
 
     def drive(self, batches: Iterator[Batch], bury: Callable[[Batch], Any]) -> None:
         """Keep the window full and store what comes out of it.
 
         ``bury`` gets the batches whose workers died.
         """
-        loop = self.client.loop.asyncio_loop  # pyright: ignore[reportAttributeAccessIssue]
+        loop: Any = self.client.loop
         flying: dict[Future[Flown | None], Batch] = {}
         while True:
             self._look_around()
             room = max(0, AHEAD * self.threads - len(flying))
             for batch in islice(batches, room):
-                sent = asyncio.run_coroutine_threadsafe(brought(self.client, batch), loop)
+                sent = asyncio.run_coroutine_threadsafe(
+                    brought(self.client, batch), loop.asyncio_loop
+                )
                 flying[sent] = batch
             if not flying:
                 return
@@ -278,7 +280,8 @@ async def brought(client: "Client", batch: Batch) -> Flown | None:
     future = None
     try:
         future = client.submit(fly_batch, batch, pure=False)
-        flown = await client.gather(future, asynchronous=True)
+        answer: Any = client.gather(future, asynchronous=True)
+        flown = await answer
     except KilledWorker:
         return None
     except Exception as error:
