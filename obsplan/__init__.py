@@ -1,7 +1,7 @@
-"""Plan the path of an aid vehicle so that AUVs measuring only acoustic range to it can localize themselves.
+"""Plan the path of an aid vehicle so that AUVs that measure only range to it can localize.
 
-Names below load on first use, so that importing the package costs nothing. They are listed twice: for Python, and for editors and type
-checkers, which do not run it.
+Names below load on first use, so that importing the package costs nothing. They are listed twice:
+for Python, and for editors and type checkers, which do not run it.
 """
 
 from importlib import import_module
@@ -45,6 +45,8 @@ _HOME = {
     "load": "scenario",
     "load_campaign": "campaign",
     "simulate": "simulation",
+    "to_dataset": "recording",
+    "write_netcdf": "recording",
     "write_run": "report.files",
 }
 
@@ -67,6 +69,8 @@ if TYPE_CHECKING:
     from obsplan.planning.filed import Filed as Filed
     from obsplan.planning.interface import Planner as Planner
     from obsplan.planning.situation import Situation as Situation
+    from obsplan.recording import to_dataset as to_dataset
+    from obsplan.recording import write_netcdf as write_netcdf
     from obsplan.report.files import write_run as write_run
     from obsplan.run import Run as Run
     from obsplan.scenario import Scenario as Scenario

@@ -14,7 +14,8 @@ from obsplan.run import Run
 if TYPE_CHECKING:
     import xarray as xr
 
-EPOCH = "seconds since 1970-01-01T00:00:00Z"  # CF wants a date; a simulated mission has none, and begins at zero
+# CF wants a date; a simulated mission has none, and begins at zero
+EPOCH = "seconds since 1970-01-01T00:00:00Z"
 UNITS = {"east": "m", "north": "m", "heading": "rad", "speed": "m s-1"}  # of the estimated state
 STATES = tuple(UNITS)
 NO_DECISION = -1  # fill value of the status flag
@@ -24,15 +25,21 @@ Variables = dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, Any]]]
 
 
 def to_dataset(run: Run) -> "xr.Dataset":
-    """Label a run: names as in ``tracks.csv``, units and standard names by the CF conventions, axes AUV and time."""
+    """Label a run: names, units and, by the scenario's origin, latitudes and longitudes.
+
+    Axes are AUV and time. Names are as in ``tracks.csv``, units and standard names by the CF
+    conventions.
+    """
     import xarray as xr
 
     variables = {**_cna(run), **_auvs(run), **_decisions(run), **_derived(run)}
     return xr.Dataset(variables, coords=_coordinates(run), attrs=_attributes(run))
 
 
-def write_netcdf(run: Run, path: Path) -> None:
-    """Write a run's dataset, laid out by `as_trajectories`, as NetCDF classic (64-bit offset); the same run gives the same bytes.
+def write_netcdf(run: Run, path: Path | str) -> None:
+    """Write a run as CF NetCDF: classic format (64-bit offset), one trajectory per AUV.
+
+    The same run gives the same bytes.
 
     Raises
     ------
@@ -40,14 +47,15 @@ def write_netcdf(run: Run, path: Path) -> None:
         The file cannot be written; nothing is left behind.
     """
     content = as_trajectories(to_dataset(run)).to_netcdf(engine="scipy", format="NETCDF3_64BIT")
-    write_atomically(path, bytes(content))
+    write_atomically(Path(path), bytes(content))
 
 
 def as_trajectories(dataset: "xr.Dataset") -> "xr.Dataset":
-    """Lay a dataset out as CF wants trajectories (CF-1.11, H.4.1): everything, time too, by AUV and observation.
+    """Lay a dataset out as CF wants trajectories (CF-1.11, H.4.1).
 
-    So the aid vehicle's path is repeated for each AUV, as in ``tracks.csv``; the covariance becomes one variable, with its unit, for each
-    entry of its lower triangle.
+    Everything, time too, is by AUV and observation. So the aid vehicle's path is repeated for each
+    AUV, as in ``tracks.csv``; the covariance becomes one variable, with its unit, for each entry
+    of its lower triangle.
     """
     along = ("auv", "obs")
     times = dataset["time"].variable
@@ -91,7 +99,8 @@ def _attributes(run: Run) -> dict[str, Any]:
         "title": f"Aid vehicle and AUVs in {table.name} under {run.planner}",
         "source": "simulation",
         "history": f"written by obsplan {__version__}",
-        "comment": "x and y are local east and north about the origin on WGS 84; time is the mission's, its epoch nominal",
+        "comment": "x and y are local east and north about the origin on WGS 84; "
+        "time is the mission's, its epoch nominal",
         "scenario": table.name,
         "planner": run.planner,
         "seed": np.int32(run.seed) if run.seed < 2**31 else str(run.seed),

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,7 +23,6 @@ from obsplan.planners import name_of
 from obsplan.scenario import Scenario
 
 if TYPE_CHECKING:
-    import xarray as xr
     from matplotlib.figure import Figure
 
 
@@ -265,24 +263,6 @@ class Run:
 
         with styled():
             return map_figure(self)
-
-    def to_dataset(self) -> "xr.Dataset":
-        """The recording with names, units and, by the scenario's origin, latitudes and longitudes; CF trajectories, one per AUV."""
-        from obsplan.recording import to_dataset
-
-        return to_dataset(self)
-
-    def to_netcdf(self, path: str | Path) -> None:
-        """Write the recording as CF NetCDF (classic format, featureType trajectory), under a temporary name first.
-
-        Raises
-        ------
-        OSError
-            The file cannot be written.
-        """
-        from obsplan.recording import write_netcdf
-
-        write_netcdf(self, Path(path))
 
 
 def record(

@@ -1,4 +1,4 @@
-"""What the tests of campaigns share: a small scenario, the command line as a process, a Dask cluster on loopback."""
+"""What tests of campaigns share: a small scenario, the command as a process, a Dask cluster."""
 
 import json
 import os
@@ -73,7 +73,7 @@ def wait_until(true, *, seconds=60.0):
 
 @contextmanager
 def cluster(folder, *, workers=2, options=(), environment=None):
-    """A Dask scheduler and worker processes on loopback, as a user would start them; gives the address."""
+    """A Dask scheduler and workers on loopback, as a user would start them; gives the address."""
     processes, file = [], Path(folder) / "scheduler.json"
 
     def launch(module, *arguments):

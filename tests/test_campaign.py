@@ -179,11 +179,14 @@ def test_rerun_flies_only_what_is_missing(tmp_path, pond, address):
 
 
 def test_changed_scenario_never_mixes_with_what_it_was(tmp_path, pond, address):
-    fly = lambda: fly_campaign(plan_cells([pond], runs=3), tmp_path / "out", scheduler=address)  # noqa: E731
-    fly()
+    def fly():
+        return fly_campaign(plan_cells([pond], runs=3), tmp_path / "out", scheduler=address)
+
+    assert fly().set_aside == 0
     before = tables(tmp_path / "out")
     write_scenario(tmp_path, duration=10.0, sigma=4.0)
-    assert fly().flown == 3
+    again = fly()
+    assert (again.flown, again.set_aside) == (3, 3)
     changed = load_campaign(tmp_path / "out")
     assert len(changed) == 3
     assert list(changed["rms_error_m"]) == [
@@ -280,10 +283,12 @@ def test_read_only_store_is_one_sentence_and_can_still_be_read(
 ):
     fly_campaign(plan_cells([pond], runs=2), tmp_path / "out", scheduler=address)
     connect = sqlite3.connect
-    read_only = lambda path, **options: connect(f"file:{path}?mode=ro", uri=True, **options)  # noqa: E731
-    monkeypatch.setattr(
-        store_module.sqlite3, "connect", read_only
-    )  # as for a user without the right to write
+
+    def read_only(path, **options):
+        """As for a user without the right to write."""
+        return connect(f"file:{path}?mode=ro", uri=True, **options)
+
+    monkeypatch.setattr(store_module.sqlite3, "connect", read_only)
     with pytest.raises(
         ObsplanError,
         match="attempt to write a readonly database; make it and its folder writable, or choose another",

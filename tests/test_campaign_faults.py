@@ -1,10 +1,11 @@
-"""Campaigns that are killed, starved or crowded end with the table of one that was left in peace, byte for byte."""
+"""Campaigns that are killed, starved or crowded end with the table of one left in peace."""
 
 import os
 import resource
 import signal
 import sqlite3
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,11 @@ def flown(folder):
         return 0
     finally:
         connection.close()
+
+
+def limit_files(size):
+    """Let no file of this process grow beyond so many bytes: to a store, a full disk."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
 
 def sound(folder):
@@ -128,9 +134,9 @@ def test_interrupted_says_so_and_keeps_what_was_flown(tmp_path, arguments):
     wait_until(lambda: flown(tmp_path) >= 10)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: the workers get it too
     _, err = finish(process, code=130)
-    assert (
-        err
-        == f"obsplan: interrupted; what is finished is kept in {tmp_path}, and the same command goes on from there\n"
+    assert err == (
+        f"obsplan: interrupted; what is finished is kept in {tmp_path}, "
+        "and the same command goes on from there\n"
     )
     assert sound(tmp_path)
     assert len(load_campaign(tmp_path)) == flown(tmp_path) >= 10
@@ -169,9 +175,9 @@ def test_without_a_compiler_a_message_and_the_same_table(tmp_path, arguments, un
         "PATH": str(tmp_path)
     }
     _, err = finish(start(*arguments, tmp_path / "out", "--workers", 1, env=environment))
-    assert (
-        err
-        == "no C compiler found: using CasADi's virtual machine, with the same results, about three times slower\n"
+    assert err == (
+        "no C compiler found: using CasADi's virtual machine, "
+        "with the same results, about three times slower\n"
     )
     assert tables(tmp_path / "out") == undisturbed
 
@@ -222,24 +228,41 @@ def test_mission_that_kills_its_worker_is_recorded_and_costs_no_other(tmp_path):
 
 
 @pytest.mark.slow
+def test_scheduler_that_is_killed_is_one_sentence_and_the_store_goes_on_elsewhere(
+    tmp_path, arguments, undisturbed
+):
+    with cluster(tmp_path) as address:
+        process = start(*arguments, tmp_path / "out", "--scheduler", address)
+        wait_until(lambda: flown(tmp_path / "out") >= 10)
+        for child in psutil.Process().children():
+            if any("dask_scheduler" in word for word in child.cmdline()):
+                child.kill()
+        _, err = finish(process, code=2)
+    assert err.startswith("obsplan: the scheduler was lost; what was flown is kept")
+    assert err.count("\n") == 1
+    assert flown(tmp_path / "out") >= 10
+    finish(start(*arguments, tmp_path / "out", "--workers", 1))
+    assert tables(tmp_path / "out") == undisturbed
+
+
+@pytest.mark.slow
 def test_full_disk_is_one_sentence_and_the_store_goes_on_when_there_is_room(
     tmp_path, arguments, undisturbed
 ):
-    room = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))  # noqa: E731 - to the store as a full disk
     process = start(
         *arguments,
         tmp_path / "out",
         "--workers",
         1,
-        preexec_fn=room,
+        preexec_fn=partial(limit_files, 40_000),
         env=os.environ | {"OBSPLAN_CACHE": str(tmp_path)},
     )
     _, err = finish(process, code=2)
     told = [line for line in err.splitlines() if line.startswith("obsplan: ")]
     assert len(told) == 1
     assert (
-        "see that the disk has space and works: what was flown is kept, and the same command goes on from there"
-        in told[0]
+        "see that the disk has space and works: "
+        "what was flown is kept, and the same command goes on from there" in told[0]
     )
     assert sound(tmp_path / "out")
     before = flown(tmp_path / "out")
@@ -257,8 +280,7 @@ def test_table_that_finds_no_room_leaves_the_one_before(tmp_path):
     before = tables(tmp_path / "out")
     for name in ("campaign.csv", "campaign.parquet"):
         assert (tmp_path / "out" / name).stat().st_size > 1000
-    small = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))  # noqa: E731
-    _, err = finish(start(*line, preexec_fn=small), code=2)
+    _, err = finish(start(*line, preexec_fn=partial(limit_files, 1000)), code=2)
     assert err.count("\n") == 1
     assert tables(tmp_path / "out") == before
     assert not list(Path(tmp_path / "out").glob(".*.part"))

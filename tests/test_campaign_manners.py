@@ -1,4 +1,4 @@
-"""What a campaign says when its script, its store or its user is in the way: one sentence, and nothing of its workers."""
+"""What a campaign says when its script, store or user is in the way: one sentence."""
 
 import os
 import shutil
@@ -70,15 +70,16 @@ def children(process):
 @pytest.mark.parametrize("after", [0.0, 0.2, 0.6, 1.5])
 def test_ctrl_c_while_workers_start_shows_nothing_of_them(tmp_path, after):
     pond = write_scenario(tmp_path)
-    process = start(pond, "--runs", 500, "--workers", 2, "--out", tmp_path / "out", start_new_session=True)  # fmt: skip
+    line = [pond, "--runs", 500, "--workers", 2, "--out", tmp_path / "out"]
+    process = start(*line, start_new_session=True)
     wait_until(lambda: children(process))
     time.sleep(after)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: the workers get it too
     out, err = finish(process, code=130)
     assert out == ""
-    assert (
-        err
-        == f"obsplan: interrupted; what is finished is kept in {tmp_path / 'out'}, and the same command goes on from there\n"
+    assert err == (
+        f"obsplan: interrupted; what is finished is kept in {tmp_path / 'out'}, "
+        "and the same command goes on from there\n"
     )
 
 
@@ -98,7 +99,10 @@ def flown(tmp_path):
 def test_store_that_was_moved_away_is_asked_for(flown):
     folder, cells = flown
     (folder / FILE).rename(folder.parent / "elsewhere.sqlite")
-    sentence = f"out has a campaign's table but not its store, which was moved or removed: put {FILE} back, or give"
+    sentence = (
+        "out has a campaign's table but not its store, which was moved or removed: "
+        f"put {FILE} back, or give"
+    )
     with pytest.raises(ObsplanError, match=sentence):
         fly_campaign(cells, folder)
     with pytest.raises(ObsplanError, match=sentence):

@@ -9,8 +9,9 @@ import pytest
 import xarray as xr
 from scipy.io import netcdf_file
 
+import obsplan as op
 from formulations.solution import Status
-from obsplan.recording import as_trajectories, to_dataset, write_netcdf
+from obsplan.recording import as_trajectories
 from obsplan.scenario import from_dict, load
 from obsplan.simulation import simulate
 from obsplan.types import ObsplanError
@@ -29,7 +30,7 @@ def run():
 def variables(run, tmp_path_factory):
     """The file's variables as a reader of the bare format sees them."""
     path = tmp_path_factory.mktemp("nc") / "tracks.nc"
-    run.to_netcdf(path)
+    op.write_netcdf(run, str(path))
     with netcdf_file(path, mmap=False) as file:
         return {
             name: (v.dimensions, v[:].copy(), dict(v._attributes))
@@ -38,7 +39,7 @@ def variables(run, tmp_path_factory):
 
 
 def test_dataset_holds_what_was_recorded_by_auv_and_time(run):
-    dataset = run.to_dataset()
+    dataset = op.to_dataset(run)
     assert dict(dataset.sizes) == {"time": 121, "auv": 2, "state": 4, "state_2": 4}
     bravo = dataset.sel(auv="bravo", time=30.0)
     np.testing.assert_array_equal(
@@ -131,7 +132,7 @@ def test_decisions_carry_their_status_as_a_flag(run, variables):
 
 
 def test_xarray_reads_the_file_back(run, tmp_path):
-    run.to_netcdf(tmp_path / "tracks.nc")
+    op.write_netcdf(run, tmp_path / "tracks.nc")
     with xr.open_dataset(tmp_path / "tracks.nc") as dataset:
         assert dataset.auv.values.tolist() == ["alpha", "bravo"]
         seconds = (dataset.time - np.datetime64("1970-01-01")) / np.timedelta64(1, "s")
@@ -139,14 +140,14 @@ def test_xarray_reads_the_file_back(run, tmp_path):
         assert dataset.attrs["condition_label"] == "κ(J)"
         xr.testing.assert_allclose(
             dataset["error"].drop_vars(["time"]),
-            as_trajectories(run.to_dataset())["error"].drop_vars(["time"]),
+            as_trajectories(op.to_dataset(run))["error"].drop_vars(["time"]),
         )
 
 
 def test_same_run_gives_the_same_bytes_and_another_seed_others(tmp_path):
     scenario = load("harbor-survey", settings=["duration=60.0"])
     for name, seed in (("a", 3), ("b", 3), ("c", 4)):
-        simulate(scenario, seed=seed).to_netcdf(tmp_path / name)
+        op.write_netcdf(simulate(scenario, seed=seed), tmp_path / name)
     same, again, other = ((tmp_path / name).read_bytes() for name in "abc")
     assert same == again != other
 
@@ -166,7 +167,7 @@ def test_run_without_condition_or_regular_covariance_with_any_name_and_seed_is_w
         "ranging": {"interval": 1.0},
         "seed": 2**40,
     }
-    write_netcdf(simulate(from_dict(data)), tmp_path / "tracks.nc")
+    op.write_netcdf(simulate(from_dict(data)), tmp_path / "tracks.nc")
     with xr.open_dataset(tmp_path / "tracks.nc") as dataset:
         assert dataset.auv.values.tolist() == ["Żółw 1"]
         assert dataset.attrs["seed"] == str(2**40)
@@ -182,11 +183,11 @@ def test_squared_ranges_are_in_square_metres(run):
             update={"ranging": table.ranging.model_copy(update={"kind": "squared-range"})}
         ),
     )
-    assert to_dataset(replace(run, scenario=squared))["range"].attrs["units"] == "m2"
-    assert to_dataset(run)["range"].attrs["units"] == "m"
+    assert op.to_dataset(replace(run, scenario=squared))["range"].attrs["units"] == "m2"
+    assert op.to_dataset(run)["range"].attrs["units"] == "m"
 
 
 def test_file_that_cannot_be_written_is_one_sentence_and_leaves_nothing(run, tmp_path):
     with pytest.raises(ObsplanError, match=r"nowhere.tracks\.nc cannot be written"):
-        run.to_netcdf(tmp_path / "nowhere" / "tracks.nc")
+        op.write_netcdf(run, tmp_path / "nowhere" / "tracks.nc")
     assert not list(tmp_path.iterdir())

@@ -8,11 +8,8 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
+from obsplan.campaign.suite import decision_time, least_error, missions_of, read_suite
 from obsplan.report.suite import (
-    decision_time,
-    least_error,
-    missions_of,
-    read_suite,
     scenario_table,
     suite_figure,
     suite_sentences,
@@ -104,12 +101,13 @@ def test_the_best_on_the_whole_stands_beside_the_best_other_of_each_scenario(two
 
 
 def test_sentence_names_who_leads_how_often_beyond_chance_and_by_how_much(two):
-    """Good wins in a beyond chance, bad in b by a thousandth; the mean ratio of bad is sqrt(2 * 0.999...)."""
+    """Good wins in a beyond chance, bad in b by a thousandth; bad's mean ratio is sqrt(2 * 0.999)."""
     (sentence,) = suite_sentences(
         read_suite(two, {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0})
     )
     assert sentence.startswith(
-        "good leads on the whole: lowest median error in 1 of 2 scenarios, in 1 of them beyond chance; bad comes"
+        "good leads on the whole: lowest median error in 1 of 2 scenarios, "
+        "in 1 of them beyond chance; bad comes"
     )
     assert "with 1.41 times its error in the mean" in sentence
     few = read_suite(two[two["seed"] < 5], {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0})

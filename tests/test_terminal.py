@@ -15,9 +15,9 @@ from test_campaign_report import table_of
 from test_suite import table as suite_missions
 
 from obsplan.campaign.statistics import medians
+from obsplan.campaign.suite import read_suite
 from obsplan.cli.terminal import ENDLESS, fitted, open_door, say_next, wrapped
 from obsplan.report import campaign_table, compare_table, run_table, scenario_table, suite_table
-from obsplan.report.suite import read_suite
 from obsplan.scenario import load
 from obsplan.simulation import simulate
 

@@ -14,22 +14,28 @@ if TYPE_CHECKING:
     from distributed import Client
 
 PATIENCE = 30.0  # [s] for the scheduler to answer, and for its first worker
-DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"  # Ctrl-C is for the process that started the workers and ends them
+# Ctrl-C is for the process that started the workers and ends them
+DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 NO_WORKER = (
-    "no worker process could start: see that there is memory for them; a script must fly its campaigns under "
-    '`if __name__ == "__main__":`, because each worker reads the script again'
+    "no worker process could start: see that there is memory for them; a script must fly its "
+    'campaigns under `if __name__ == "__main__":`, because each worker reads the script again'
 )
 
 SETTINGS = {
-    "distributed.admin.low-level-log-length": 10,  # else a client keeps its last thousand messages, each with a scenario
-    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None,  # else memory goes back after each mission: 15 % of the time
-    "distributed.worker.profile.enabled": False,  # a sample of every worker's stack each 10 ms, which nobody looks at
+    # else a client keeps its last thousand messages, each with a scenario
+    "distributed.admin.low-level-log-length": 10,
+    # else memory goes back after each mission: 15 % of the time
+    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None,
+    # a sample of every worker's stack each 10 ms, which nobody looks at
+    "distributed.worker.profile.enabled": False,
 }
 
 
 @contextmanager
 def connected(*, workers: int | None, most: int, scheduler: str | None) -> Iterator["Client"]:
-    """A client of the cluster at an address, or of local processes (default: one per core), never more than ``most``, for the while.
+    """A client of the cluster at an address, or of local processes, for the while.
+
+    Of these there are ``workers`` (default: one per core), never more than ``most``.
 
     Raises
     ------
@@ -47,7 +53,10 @@ def connected(*, workers: int | None, most: int, scheduler: str | None) -> Itera
 
 @contextmanager
 def local(number: int) -> Iterator["Client"]:
-    """A client of processes made for the while; they talk over the loopback interface only, and there is no dashboard."""
+    """A client of processes made for the while.
+
+    They talk over the loopback interface only, and there is no dashboard.
+    """
     from distributed import Client, LocalCluster
 
     options = {
@@ -68,14 +77,20 @@ def local(number: int) -> Iterator["Client"]:
 
 
 def end_if_worker() -> None:
-    """End a worker that, by reading a script without a main guard, was about to fly the campaign it was started for."""
+    """End a worker that was about to fly the campaign it was started for.
+
+    That is one that reads a script without a main guard.
+    """
     if getattr(current_process(), "_inheriting", False):  # as multiprocessing itself tells it
         sys.exit(2)
 
 
 @contextmanager
 def deaf() -> Iterator[None]:
-    """Keep Ctrl-C waiting, and from what is started meanwhile: a worker hears of it before it can be told not to listen."""
+    """Keep Ctrl-C waiting, and from what is started meanwhile.
+
+    A worker would hear of it before it can be told not to listen.
+    """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
@@ -106,6 +121,7 @@ def remote(address: str) -> Iterator["Client"]:
             client.wait_for_workers(1, timeout=PATIENCE)
         except TimeoutError:
             raise ObsplanError(
-                f"the scheduler at {address} has no workers; start some with `dask worker {address}`"
+                f"the scheduler at {address} has no workers; "
+                f"start some with `dask worker {address}`"
             ) from None
         yield client

@@ -1,8 +1,11 @@
 """Fly what is missing of a campaign: on local processes or on a Dask cluster, by the same road."""
 
+import asyncio
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -11,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import obsplan
 from obsplan.campaign.cluster import connected, end_if_worker
+from obsplan.campaign.code import code_hash
 from obsplan.campaign.plan import Cell
 from obsplan.campaign.store import FILE, Store, no_store
 from obsplan.campaign.table import export
@@ -19,7 +23,7 @@ from obsplan.files import write_atomically
 from obsplan.types import ObsplanError
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Client
 
 BATCH_SECONDS = 1.0  # of work in a batch; to schedule one costs some milliseconds
 MOST_IN_A_BATCH = 1000
@@ -28,6 +32,7 @@ WORTH_COMPILING = 32  # missions per worker that repay a second of compiling
 MOST_LISTED = 20  # failures
 LOOK_AROUND = 5.0  # [s] between two counts of the cluster's threads
 DIED = "its worker process died every time it was tried; perhaps the memory did not suffice"
+LOST = "the scheduler was lost; what was flown is kept, and the same command goes on from there"
 
 Progress = Callable[[int, int, int], None]  # missions flown now, to be flown now, failed now
 
@@ -40,6 +45,7 @@ class Report:
     flown: int  # now; the others were there
     failed: int  # of all planned
     failures: list[tuple[Cell, int, str]]  # the first of them: cell, seed, reason
+    set_aside: int  # in the store, but of other code or scenarios since changed: not in the table
 
 
 def fly_campaign(
@@ -52,7 +58,8 @@ def fly_campaign(
 ) -> Report:
     """Fly what a folder's store lacks of the cells, keep it, and export the table.
 
-    Everything finished stays, whatever ends the campaign; the same call goes on from there. Missions that failed are flown again.
+    Everything finished stays, whatever ends the campaign; the same call goes on from there.
+    Missions that failed are flown again.
 
     Parameters
     ----------
@@ -68,14 +75,15 @@ def fly_campaign(
     Raises
     ------
     ObsplanError
-        The folder cannot be used, the cluster is not there, or its workers have another version of obsplan.
+        The folder cannot be used, the cluster is not there, or its workers have another copy of
+        obsplan.
     """
     end_if_worker()
     folder = claimed(Path(folder))
     with Store(folder) as store:
         numbers = store.enter(cells)
         planned = [*zip(numbers, cells, strict=True)]
-        missing = [len(cell.seeds) - store.count(number, cell.seeds) for number, cell in planned]
+        missing = lacking(store, planned)
         if any(missing):
             with connected(workers=workers, most=sum(missing), scheduler=scheduler) as client:
                 flight = Flight(
@@ -88,28 +96,33 @@ def fly_campaign(
                 timing = flight.timing()
             write_atomically(folder / "timing.json", json.dumps(timing, indent=2) + "\n")
         export(store, folder)
-        failures = (
-            (cell, seed, why)
-            for number, cell in planned
-            for seed, why in store.failures(number, cell.seeds)
-        )
         return Report(
             missions=sum(len(cell.seeds) for cell in cells),
             flown=sum(missing),
-            failed=sum(
-                len(cell.seeds) - store.count(number, cell.seeds) for number, cell in planned
-            ),
-            failures=[*islice(failures, MOST_LISTED)],
+            failed=sum(lacking(store, planned)),
+            failures=[*islice(failures(store, planned), MOST_LISTED)],
+            set_aside=store.set_aside(),
         )
+
+
+def lacking(store: Store, planned: Iterable[tuple[int, Cell]]) -> list[int]:
+    """How many of each cell's missions have not been flown with success."""
+    return [len(cell.seeds) - store.count(number, cell.seeds) for number, cell in planned]
+
+
+def failures(store: Store, planned: Iterable[tuple[int, Cell]]) -> Iterator[tuple[Cell, int, str]]:
+    """Each failed mission's cell, seed and reason."""
+    for number, cell in planned:
+        for seed, why in store.failures(number, cell.seeds):
+            yield cell, seed, why
 
 
 def claimed(folder: Path) -> Path:
     """The folder of a campaign, new or to be resumed."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        inside = {
-            path.name for path in folder.iterdir()
-        }  # looked at once: another campaign may be making its store
+        # looked at once: another campaign may be making its store
+        inside = {path.name for path in folder.iterdir()}
         if inside and FILE not in inside:
             raise no_store(
                 folder, "holds something that is not a campaign", "give another folder with --out"
@@ -123,7 +136,10 @@ def claimed(folder: Path) -> Path:
 
 @dataclass(kw_only=True)
 class Flight:
-    """A campaign under way: a window of batches moves over what is missing, so memory does not grow with it."""
+    """A campaign under way.
+
+    A window of batches moves over what is missing, so memory does not grow with it.
+    """
 
     client: "Client"
     store: Store
@@ -138,20 +154,23 @@ class Flight:
     looked: float = 0.0
     counted: float = -math.inf
     threads: int = 1
-    pace: dict[int, float] = field(
-        default_factory=dict
-    )  # of each cell, as last seen [s per mission]
+    # of each cell, as last seen [s per mission]
+    pace: dict[int, float] = field(default_factory=dict)
     suspects: list[Batch] = field(default_factory=list)
 
     def batches(
         self, planned: Iterable[tuple[int, Cell]], missing: Iterable[int]
     ) -> Iterator[Batch]:
-        """Batches of about a second, smaller toward the end so that no worker is left alone with a long one."""
-        for (number, cell), lacking in zip(planned, missing, strict=True):
+        """Batches of about a second, smaller toward the end.
+
+        So no worker is left alone with a long one.
+        """
+        for (number, cell), many in zip(planned, missing, strict=True):
             seeds = self.store.missing(number, cell.seeds)
             while some := tuple(islice(seeds, self._size(number))):
                 self.issued += len(some)
-                yield Batch(number, cell.content, some, lacking >= WORTH_COMPILING * self.threads)
+                compiled = many >= WORTH_COMPILING * self.threads
+                yield Batch(number, cell.content, some, compiled)
 
     def _size(self, cell: int) -> int:
         share = math.ceil((self.todo - self.issued) / (2 * self.threads))
@@ -159,54 +178,70 @@ class Flight:
         return max(1, min(by_pace, share, MOST_IN_A_BATCH))
 
     def fly(self, batches: Iterator[Batch]) -> None:
-        """Fly all; then those that were under way where workers kept dying, each alone, to find which is to blame."""
+        """Fly all; then what was under way where workers kept dying, each mission alone.
+
+        So the one that is to blame is found.
+        """
         self.drive(batches, self.suspects.append)
-        alone = [batch._replace(seeds=(seed,)) for batch in self.suspects for seed in batch.seeds]
-        for batch in alone:
-            self.drive(
-                iter([batch]), lambda one: self._keep([(one.cell, failed(one.seeds[0], DIED))])
-            )
+        for batch in self.suspects:
+            for seed in batch.seeds:
+                self.drive(iter([batch._replace(seeds=(seed,))]), self._blame)
+
+    def _blame(self, alone: Batch) -> None:
+        """Record that a mission, flown alone, kills its worker."""
+        self._keep([(alone.cell, failed(alone.seeds[0], DIED))])
 
     def _look_around(self) -> None:
-        """Count the workers' threads, which come and go on a cluster, and what they could have done since the last look."""
+        """Count the workers' threads, which come and go on a cluster.
+
+        And what they could have done since the last look.
+        """
         now = perf_counter()
         self.capacity += self.threads * (now - self.looked if self.looked else 0.0)
         self.looked = now
         if now - self.counted > LOOK_AROUND:
-            self.threads, self.counted = max(1, sum(self.client.nthreads().values())), now  # pyright: ignore[reportAttributeAccessIssue]
+            self.counted = now
+            with suppress(Exception):  # a scheduler that is gone is told of by the batches
+                threads: Any = self.client.nthreads()
+                self.threads = max(1, sum(threads.values()))
 
     def drive(self, batches: Iterator[Batch], bury: Callable[[Batch], Any]) -> None:
-        """Keep the window full and store what comes out of it; ``bury`` gets the batches whose workers died."""
-        from distributed import as_completed
+        """Keep the window full and store what comes out of it.
 
-        flying: dict[Any, Batch] = {}
-        finished = as_completed(with_results=True, raise_errors=False, loop=self.client.loop)
+        ``bury`` gets the batches whose workers died.
+        """
+        loop: Any = self.client.loop
+        flying: dict[Future[Flown | None], Batch] = {}
         while True:
             self._look_around()
-            for batch in islice(batches, max(0, AHEAD * self.threads - len(flying))):
-                future = self.client.submit(fly_batch, batch, pure=False)
-                flying[future] = batch
-                finished.add(future)
+            room = max(0, AHEAD * self.threads - len(flying))
+            for batch in islice(batches, room):
+                sent = asyncio.run_coroutine_threadsafe(
+                    brought(self.client, batch), loop.asyncio_loop
+                )
+                flying[sent] = batch
             if not flying:
                 return
-            landed = [
-                (flying.pop(future), result_of(future, result))
-                for future, result in finished.next_batch()
-            ]
-            self._keep(
-                [
-                    (batch.cell, outcome)
-                    for batch, flown in landed
-                    if flown
-                    for outcome in flown.outcomes
-                ]
-            )
-            for batch, flown in landed:
-                if flown is None:
-                    bury(batch)
-                else:
-                    self.work += flown.seconds
-                    self.pace[batch.cell] = flown.seconds / len(batch.seeds)
+            landed, _ = wait(flying, timeout=LOOK_AROUND, return_when=FIRST_COMPLETED)
+            self._store([(flying.pop(sent), sent.result()) for sent in landed], bury)
+
+    def _store(
+        self, landed: list[tuple[Batch, Flown | None]], bury: Callable[[Batch], Any]
+    ) -> None:
+        """Keep what came back, in one transaction; then hand on what did not."""
+        outcomes = []
+        dead = []
+        for batch, flown in landed:
+            if flown is None:
+                dead.append(batch)
+                continue
+            outcomes += [(batch.cell, outcome) for outcome in flown.outcomes]
+            self.work += flown.seconds
+            self.pace[batch.cell] = flown.seconds / len(batch.seeds)
+        if outcomes:
+            self._keep(outcomes)
+        for batch in dead:
+            bury(batch)
 
     def _keep(self, flown: list[tuple[int, Outcome]]) -> None:
         self.store.add(flown)
@@ -223,35 +258,53 @@ class Flight:
             "threads": self.threads,
             "seconds": seconds,
             "missions_per_second": self.done / seconds,
-            "share_of_time_in_missions": self.work
-            / self.capacity,  # the rest is scheduling, and waiting at the end
+            # the rest is scheduling, and waiting at the end
+            "share_of_time_in_missions": self.work / self.capacity,
         }
 
 
-def result_of(future: "Future", result: Any) -> Flown | None:
-    """What a worker returned, or None if it died of it.
+async def brought(client: "Client", batch: Batch) -> Flown | None:
+    """What a worker made of a batch, or None if it died of it.
+
+    A worker that dies takes the finished results that it still holds; Dask computes these again,
+    and ``gather`` waits for that.
 
     Raises
     ------
     ObsplanError
-        The worker could not even begin, is of another version, or the scheduler is gone.
+        The worker could not even begin, has other code or another version, or the scheduler is
+        gone.
     """
     from distributed import KilledWorker
 
-    ours = obsplan.__version__
-    if future.status == "finished":
-        if result.version != ours:
-            raise ObsplanError(
-                f"a worker has obsplan {result.version} and this is {ours}; install {ours} there and repeat"
-            )
-        return result
-    if future.status != "error":
-        raise ObsplanError(
-            "the scheduler was lost; what was flown is kept, and the same command goes on from there"
-        )
-    error = result[1]
-    if isinstance(error, KilledWorker):
+    future = None
+    try:
+        future = client.submit(fly_batch, batch, pure=False)
+        answer: Any = client.gather(future, asynchronous=True)
+        flown = await answer
+    except KilledWorker:
         return None
-    raise ObsplanError(
-        f"a worker cannot fly missions ({type(error).__name__}: {error}); install obsplan {ours} there"
-    ) from error
+    except Exception as error:
+        if future is None or future.status != "error":  # it is not the batch that failed
+            raise ObsplanError(LOST) from error
+        raise ObsplanError(
+            f"a worker cannot fly missions ({type(error).__name__}: {error}); "
+            f"install obsplan {obsplan.__version__} there"
+        ) from error
+    check_same_copy(flown)
+    return flown
+
+
+def check_same_copy(flown: Flown) -> None:
+    """Refuse what another version flew, or other code under the same version."""
+    ours = obsplan.__version__
+    if flown.version != ours:
+        raise ObsplanError(
+            f"a worker has obsplan {flown.version} and this is {ours}; "
+            f"install {ours} there and repeat"
+        )
+    if flown.code != code_hash():
+        raise ObsplanError(
+            f"a worker has obsplan {ours}, the same version as here but other code; "
+            "give both the same copy, start the workers again and repeat"
+        )

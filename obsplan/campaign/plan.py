@@ -1,4 +1,4 @@
-"""What a campaign is made of: scenarios x planners x a grid of settings, each flown once per seed."""
+"""What a campaign is made of: scenarios x planners x a grid of settings, each once per seed."""
 
 import hashlib
 import json
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
+from obsplan.campaign.code import code_hash
 from obsplan.scenario import Scenario, load
 from obsplan.types import ObsplanError
 
@@ -24,8 +25,9 @@ GREATEST_SEED = 2**63 - 1  # that the store's integers hold
 class Cell:
     """One scenario under one planner with one choice of settings: flown once per seed.
 
-    ``content`` is all that a worker needs, on whatever host. ``key`` names content and version, so that with a seed it names a mission;
-    ``base`` names, likewise, the scenario before planner and settings are put over it.
+    ``content`` is all that a worker needs, on whatever host. ``key`` names the content, and the
+    version and code that fly it, so that with a seed it names a mission; ``base`` names, likewise,
+    the scenario before planner and settings are put over it.
     """
 
     scenario: str
@@ -59,9 +61,11 @@ def plan_cells(
     planners
         By name; default: each scenario's own.
     vary
-        ``table.key=a,b,c`` each; all combinations are made. A list is one value: ``environment.current=[0.2,0.0],[0.4,0.0]``.
+        ``table.key=a,b,c`` each; all combinations are made. A list is one value:
+        ``environment.current=[0.2,0.0],[0.4,0.0]``.
     runs
-        Seeds per combination; the same for every planner and setting of a scenario, so that they meet the same noise.
+        Seeds per combination; the same for every planner and setting of a scenario, so that they
+        meet the same noise.
     seed
         The first of them; default: the scenario's.
 
@@ -80,7 +84,8 @@ def plan_cells(
         name, base = plain.table.name, key_of(content_of(plain))
         if named.setdefault(name, (source, base))[1] != base:
             raise ObsplanError(
-                f'{named[name][0]} and {source} differ but are both named "{name}"; change `name` in one of them'
+                f'{named[name][0]} and {source} differ but are both named "{name}"; '
+                "change `name` in one of them"
             )
         seeds = seeds_of(plain.table.seed if seed is None else seed, runs)
         for planner, settings in product(dict.fromkeys(planners) or (None,), grid):
@@ -97,7 +102,8 @@ def values_of(text: str) -> list[str]:
     pieces = split(values)
     if not equals or not key.strip() or not all(piece.strip() for piece in pieces):
         raise ObsplanError(
-            f'--vary "{text}" lacks a key or a value; write table.key=a,b,c, for example cna.speed=1.0,1.5,2.0'
+            f'--vary "{text}" lacks a key or a value; '
+            "write table.key=a,b,c, for example cna.speed=1.0,1.5,2.0"
         )
     name = key.strip()
     fixed = "export" if name.startswith("export.") else name
@@ -163,7 +169,7 @@ def content_of(scenario: Scenario) -> str:
 
 
 def key_of(content: str) -> str:
-    """SHA-256 of the content and the version that flies it."""
+    """SHA-256 of the content, and of the version and the code that fly it."""
     from obsplan import __version__
 
-    return hashlib.sha256(f"{__version__}\0{content}".encode()).hexdigest()
+    return hashlib.sha256(f"{__version__}\0{code_hash()}\0{content}".encode()).hexdigest()

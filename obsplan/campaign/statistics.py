@@ -1,5 +1,6 @@
-"""What a campaign's table says: medians with intervals, and planners compared under the same noise."""
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
+"""What a campaign's table says: medians with intervals, planners compared under the same noise."""
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false
 # because pandas is not typed: its columns may be anything
 
 from itertools import combinations
@@ -17,9 +18,7 @@ if TYPE_CHECKING:
 
 CONFIDENCE = 0.95
 LEVEL = 0.05  # of significance: a difference with a smaller p is not put down to chance
-RESAMPLES = (
-    2000  # of the bootstrap: the ends of a 95 % interval are its 50th value from either side
-)
+RESAMPLES = 2000  # of the bootstrap: a 95 % interval ends at its 50th value from either side
 AT_ONCE = 10_000_000  # numbers the bootstrap holds in memory
 SEED = 0  # of the bootstrap: the same table gives the same intervals
 
@@ -81,10 +80,12 @@ def median_interval(values: Float[np.ndarray, " n"]) -> tuple[float, float, floa
 def paired(table: "pd.DataFrame", figure: str = "rms_error_m") -> "pd.DataFrame":
     """Compare planners two by two, seed by seed: each pair of missions met the same noise.
 
-    One row per scenario, setting and pair: ``pairs`` of missions neither of which failed; ``difference``, the median of planner minus
-    ``against`` with its bootstrap 95 % interval ``low``, ``high``; ``better``, the share of seeds where planner is lower; ``p`` of
-    Wilcoxon's signed-rank test that the differences are symmetric about 0, two-sided; ``p_holm``, corrected by Holm's step-down method for
-    all comparisons in this table, so that with probability 0.95 none of those below 0.05 is due to chance.
+    One row per scenario, setting and pair: ``pairs`` of missions neither of which failed;
+    ``difference``, the median of planner minus ``against`` with its bootstrap 95 % interval
+    ``low``, ``high``; ``better``, the share of seeds where planner is lower; ``p`` of Wilcoxon's
+    signed-rank test that the differences are symmetric about 0, two-sided; ``p_holm``, corrected
+    by Holm's step-down method for all comparisons in this table, so that with probability 0.95
+    none of those below 0.05 is due to chance.
     """
     import pandas as pd
 
@@ -116,7 +117,9 @@ def signed_rank_p(differences: Float[np.ndarray, " n"]) -> float:
 
 
 def fewest_pairs(comparisons: int) -> int:
-    r"""Number of pairs from which on the signed-rank test, corrected by Holm for so many comparisons, can tell a difference from chance.
+    r"""Number of pairs from which on the signed-rank test can tell a difference from chance.
+
+    It is corrected by Holm for so many comparisons.
 
     .. math:: \min\{n : m \, 2^{1-n} < 0.05\}
 
@@ -126,7 +129,9 @@ def fewest_pairs(comparisons: int) -> int:
 
 
 def holm(p: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
-    r"""Correct p values for their number by the step-down method of Holm (1979), valid whatever depends on what.
+    r"""Correct p values for their number by the step-down method of Holm (1979).
+
+    It is valid whatever depends on what.
 
     .. math:: \tilde p_{(i)} = \max_{j \le i} \min(1, (m - j + 1) p_{(j)})
     """

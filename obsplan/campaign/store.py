@@ -1,8 +1,10 @@
 """The embedded store of a campaign: SQLite, one file, ``campaign.sqlite``.
 
-SQLite because a commit in it is all or nothing and, once made, outlives a kill or a loss of power at any instant (it is tested for just
-that), because two processes may use it at once, because Python brings it, and because every language reads it. It keeps its rollback
-journal rather than a write-ahead log: the log needs memory shared between processes, which the network folders of clusters do not have.
+SQLite because a commit in it is all or nothing and, once made, outlives a kill or a loss of power
+at any instant (it is tested for just that), because two processes may use it at once, because
+Python brings it, and because every language reads it. It keeps its rollback journal rather than a
+write-ahead log: the log needs memory shared between processes, which the network folders of
+clusters do not have.
 """
 
 import json
@@ -45,11 +47,12 @@ FORMAT = (
     zlib.crc32("".join(LAYOUT).encode()) >> 1
 )  # how the file says that it is ours, and in this layout
 COLUMNS = ("cell", "seed", "error", *FIGURES, "auv", "status_counts")
+ANEW = ", ".join(f"{name} = excluded.{name}" for name in COLUMNS[2:])
 # a success stays; a failure gives way to the next attempt
 ADD = f"""INSERT INTO mission ({", ".join(COLUMNS)}) VALUES ({", ".join("?" * len(COLUMNS))})
-    ON CONFLICT DO UPDATE SET ({", ".join(COLUMNS[2:])}) = ({", ".join(f"excluded.{name}" for name in COLUMNS[2:])})
-    WHERE mission.error IS NOT NULL"""
-CURRENT = "cell JOIN scenario ON scenario.name = cell.scenario AND scenario.base = cell.base"  # not those of a scenario since changed
+    ON CONFLICT DO UPDATE SET {ANEW} WHERE mission.error IS NOT NULL"""
+# not those of a scenario, or of code that flies, since changed
+CURRENT = "cell JOIN scenario ON scenario.name = cell.scenario AND scenario.base = cell.base"
 
 
 class Store:
@@ -90,7 +93,11 @@ class Store:
                 self._connection.execute(statement)
 
     def enter(self, cells: Iterable[Cell]) -> list[int]:
-        """Note what is planned and return the cells' numbers; from now on earlier contents of these scenarios are left out of tables."""
+        """Note what is planned and return the cells' numbers.
+
+        From now on earlier contents of these scenarios, and results of other code, are left out
+        of tables.
+        """
         with self._explained(), self._transaction():
             return [self._enter(cell) for cell in cells]
 
@@ -101,8 +108,11 @@ class Store:
             "INSERT OR IGNORE INTO varied VALUES (?)",
             [(setting.partition("=")[0],) for setting in cell.settings],
         )
-        named = "INSERT INTO cell (key, base, scenario, planner, content) VALUES (?, ?, ?, ?, ?) ON CONFLICT (key) DO UPDATE SET base = ?"
-        run(named, (cell.key, cell.base, cell.scenario, cell.planner, cell.content, cell.base))
+        run(
+            "INSERT INTO cell (key, base, scenario, planner, content) VALUES (?, ?, ?, ?, ?) "
+            "ON CONFLICT (key) DO UPDATE SET base = excluded.base",
+            (cell.key, cell.base, cell.scenario, cell.planner, cell.content),
+        )
         return int(self._one("SELECT id FROM cell WHERE key = ?", cell.key))
 
     def missing(self, cell: int, seeds: range) -> Iterator[int]:
@@ -124,32 +134,30 @@ class Store:
 
     def add(self, flown: Sequence[tuple[int, Outcome]]) -> None:
         """Keep outcomes of missions of cells, all or none."""
-        rows = [
-            (
-                cell,
-                o.seed,
-                o.error,
-                *(o.figures.get(name) for name in FIGURES),
-                o.auv,
-                o.status_counts,
-            )  # of a failure there are none
-            for cell, o in flown
-        ]
+        rows = [row_of(cell, outcome) for cell, outcome in flown]
         with self._explained(), self._transaction():
             self._connection.executemany(ADD, rows)
 
     def failures(self, cell: int, seeds: range) -> list[tuple[int, str]]:
         """Seeds of a cell whose missions failed, with the reasons."""
-        failed = "SELECT seed, error FROM mission WHERE cell = ? AND seed BETWEEN ? AND ? AND error IS NOT NULL ORDER BY seed"
+        failed = (
+            "SELECT seed, error FROM mission WHERE cell = ? AND seed BETWEEN ? AND ? "
+            "AND error IS NOT NULL ORDER BY seed"
+        )
         return self._all(failed, cell, seeds[0], seeds[-1])
 
     def current_cells(self) -> list[tuple[int, str, str, dict[str, Any]]]:
-        """Number, scenario, planner and content of the cells whose scenarios are still as last planned."""
+        """Number, scenario, planner and content of the cells of scenarios as last planned."""
         rows = self._all(f"SELECT id, cell.scenario, planner, content FROM {CURRENT}")
         return [
             (number, scenario, planner, json.loads(content))
             for number, scenario, planner, content in rows
         ]
+
+    def set_aside(self) -> int:
+        """Number of missions flown by other code, or in scenarios as they were before."""
+        others = f"SELECT count(*) FROM mission WHERE cell NOT IN (SELECT id FROM {CURRENT})"
+        return int(self._all(others)[0][0])
 
     def varied_keys(self) -> list[str]:
         """Keys that were ever varied, in order."""
@@ -157,18 +165,18 @@ class Store:
 
     def rows(self, cell: int) -> Iterator[tuple[Any, ...]]:
         """Missions of a cell by seed, as `COLUMNS` from the seed on."""
+        query = (
+            f"SELECT {', '.join(COLUMNS[1:])} FROM mission WHERE cell = ? AND seed > ? "
+            f"ORDER BY seed LIMIT {BLOCK}"
+        )
         after = -1
-        while block := self._all(
-            f"SELECT {', '.join(COLUMNS[1:])} FROM mission WHERE cell = ? AND seed > ? ORDER BY seed LIMIT {BLOCK}",
-            cell,
-            after,
-        ):
+        while block := self._all(query, cell, after):
             yield from block
             after = block[-1][0]
 
     @contextmanager
     def frozen(self) -> Iterator[None]:
-        """Keep other campaigns from writing meanwhile, so that of two exports the later one has everything."""
+        """Keep other campaigns from writing meanwhile: of two exports the later has everything."""
         with self._explained(), self._transaction():
             yield
 
@@ -202,19 +210,32 @@ class Store:
             raise ObsplanError(f"{self.path}: {told}") from error
 
 
+def row_of(cell: int, outcome: Outcome) -> tuple[Any, ...]:
+    """A mission as `COLUMNS`; of a failure there are no figures."""
+    figures = [outcome.figures.get(name) for name in FIGURES]
+    return (cell, outcome.seed, outcome.error, *figures, outcome.auv, outcome.status_counts)
+
+
 def no_store(folder: Path, otherwise: str, remedy: str) -> ObsplanError:
-    """What is wrong with a folder that has no store: that it was moved, where a campaign's table is left, or something else."""
+    """What is wrong with a folder that has no store.
+
+    That it was moved, where a campaign's table is left; else what ``otherwise`` says.
+    """
     if any((folder / name).exists() for name in TABLES):
         return ObsplanError(
-            f"{folder} has a campaign's table but not its store, which was moved or removed: put {FILE} back, or {remedy}"
+            f"{folder} has a campaign's table but not its store, which was moved or removed: "
+            f"put {FILE} back, or {remedy}"
         )
     return ObsplanError(f"{folder} {otherwise}; {remedy}")
 
 
 def placed_wrong(path: Path, fault: str) -> str | None:
-    """What is wrong with the place of a store, and what to do about it, where a fault of SQLite comes of that."""
+    """What is wrong with a store's place, and the remedy, where a fault of SQLite comes of that."""
     if fault == "SQLITE_READONLY_DBMOVED":
-        return "was moved or removed while the campaign ran; put it back, and the same command goes on from there"
+        return (
+            "was moved or removed while the campaign ran; "
+            "put it back, and the same command goes on from there"
+        )
     if not fault.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM")):
         return None
     if path.is_dir():

@@ -1,4 +1,4 @@
-"""The results as a table: one row per mission, in one order, whoever flew them and in whatever order."""
+"""The results as a table: one row per mission, in one order, whoever flew them and when."""
 
 import csv
 import json
@@ -24,9 +24,11 @@ REST = ("seed", "status", "error", *FIGURES, "auv", "status_counts")
 def load_campaign(folder: Path | str) -> "pd.DataFrame":
     """Read a campaign's results, also while it runs or after it was interrupted.
 
-    One row per mission, sorted: ``scenario``, ``planner``, each varied key, ``seed``, ``status`` (done or failed), ``error``, the figures
-    of `Run.summary` over all AUVs (nan where the mission failed), and as JSON ``auv``, the figures of each, and ``status_counts``, how
-    often the planner said what. Of a scenario or version changed since, only the results of the latest are in it.
+    One row per mission, sorted: ``scenario``, ``planner``, each varied key, ``seed``, ``status``
+    (done or failed), ``error``, the figures of `Run.summary` over all AUVs (nan where the mission
+    failed), and as JSON ``auv``, the figures of each, and ``status_counts``, how often the planner
+    said what. Where a scenario, or the version or code that flies, was changed between campaigns,
+    only results of the last one are in it.
 
     Raises
     ------
@@ -50,7 +52,9 @@ def existing_store(folder: Path) -> Store:
 
 
 def export(store: Store, folder: Path) -> None:
-    """Write the table as Parquet and CSV, whole or not at all; the same results give the same bytes.
+    """Write the table as Parquet and CSV, whole or not at all.
+
+    The same results give the same bytes.
 
     Raises
     ------
@@ -78,7 +82,10 @@ def export(store: Store, folder: Path) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary name beside a file, which takes the file's place if all goes well and otherwise leaves nothing."""
+    """A temporary name beside a file.
+
+    It takes the file's place if all goes well, and otherwise leaves nothing.
+    """
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         yield part
@@ -86,7 +93,8 @@ def replacing(path: Path) -> Iterator[Path]:
     except OSError as error:
         reason = error.strerror or error
         raise ObsplanError(
-            f"{path} cannot be written ({reason}): free some space or make the folder writable, and repeat"
+            f"{path} cannot be written ({reason}): "
+            "free some space or make the folder writable, and repeat"
         ) from error
     finally:
         with suppress(OSError):  # replaced, or never there
@@ -98,9 +106,8 @@ class Layout:
     """Columns of the table, and its cells in order, each with its labels."""
 
     varied: tuple[str, ...]
-    cells: tuple[
-        tuple[int, tuple[Any, ...]], ...
-    ]  # number in the store; scenario, planner, value of each varied key
+    # number in the store; scenario, planner, value of each varied key
+    cells: tuple[tuple[int, tuple[Any, ...]], ...]
 
     @classmethod
     def of(cls, store: Store) -> "Layout":

@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import obsplan
+from obsplan.campaign.code import code_hash
 from obsplan.run import Run
 from obsplan.scenario import from_dict
 from obsplan.simulation import ClosedLoop
 
 CELLS_KEPT = 8  # compiled loops a worker keeps
-ALONE = (
-    threading.Lock()
-)  # one mission at a time in a process, however many threads the worker was given
+# one mission at a time in a process, however many threads the worker was given
+ALONE = threading.Lock()
 
 
 class Outcome(NamedTuple):
@@ -30,11 +30,12 @@ class Outcome(NamedTuple):
 
 
 class Flown(NamedTuple):
-    """A batch: its outcomes, the time it took [s], and the version that flew it."""
+    """A batch: its outcomes, the time it took [s], and who flew it."""
 
     outcomes: list[Outcome]
     seconds: float
-    version: str
+    version: str  # of obsplan
+    code: str  # `code_hash`
 
 
 class Batch(NamedTuple):
@@ -51,7 +52,8 @@ def fly_batch(batch: Batch) -> Flown:
     with ALONE:
         began = perf_counter()
         outcomes = [fly_mission(batch, seed) for seed in batch.seeds]
-        return Flown(outcomes, perf_counter() - began, obsplan.__version__)
+        seconds = perf_counter() - began
+        return Flown(outcomes, seconds, obsplan.__version__, code_hash())
 
 
 def fly_mission(batch: Batch, seed: int) -> Outcome:
@@ -85,7 +87,8 @@ def divergence(run: Run) -> str | None:
     if finite.all():
         return None
     auv, sample = np.argwhere(~finite)[0]
-    return f"the filter diverged: the estimate of {run.names[auv]} is not finite from {run.time[sample]:g} s on"
+    since = f"{run.time[sample]:g} s"
+    return f"the filter diverged: the estimate of {run.names[auv]} is not finite from {since} on"
 
 
 def text(value: Any) -> str:

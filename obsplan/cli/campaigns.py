@@ -58,7 +58,10 @@ def campaign(
         typer.Option("--scheduler", metavar="ADDRESS", help="Of a Dask cluster to fly on."),
     ] = None,
 ) -> None:
-    """Fly scenarios x planners x seeds x settings into one table; what was flown is never lost, and never flown again."""
+    """Fly scenarios x planners x seeds x settings into one table.
+
+    What was flown is never lost, and never flown again.
+    """
     from obsplan.campaign import plan_cells
 
     cells = plan_cells(scenarios, planners=named(planners), vary=vary or (), runs=runs, seed=seed)
@@ -90,8 +93,14 @@ def fly(
 
         report = fly_campaign(cells, out, workers=workers, scheduler=scheduler, progress=tell)
     say(
-        f"{report.missions} missions: {report.flown} flown now, {report.missions - report.flown} were there, {report.failed} failed."
+        f"{report.missions} missions: {report.flown} flown now, "
+        f"{report.missions - report.flown} were there, {report.failed} failed."
     )
+    if report.set_aside:
+        say(
+            f"{report.set_aside} earlier ones are kept but not in the table: other code or another "
+            "version flew them, or the scenario was another."
+        )
     for cell, number, reason in report.failures:
         complain(f"{cell.label}, seed {number}: {reason}")
     if report.failed > len(report.failures):
@@ -104,7 +113,7 @@ def campaign_report(
         Path, typer.Argument(metavar="DIR", help="Folder of a campaign, finished or not.")
     ],
 ) -> None:
-    """Read a campaign: medians with intervals, planners compared under the same noise, errors against what was varied."""
+    """Read a campaign: medians with intervals, planners compared, errors against varied keys."""
     from obsplan.report import campaign_table, write_campaign_report
 
     report = write_campaign_report(folder)
@@ -117,10 +126,13 @@ def campaign_report(
 def compare_suite(
     planners: list[str], runs: int, seed: int | None, settings: list[str], out: Path
 ) -> None:
-    """Fly a campaign of planners over the suite, and say who wins where; the folder is resumed if it is there."""
+    """Fly a campaign of planners over the suite, and say who wins where.
+
+    The folder is resumed if it is there.
+    """
     from obsplan.campaign import load_campaign, plan_cells
+    from obsplan.campaign.suite import missions_of, read_suite, yardsticks
     from obsplan.report import scenario_table, suite_sentences, suite_table, write_suite
-    from obsplan.report.suite import missions_of, read_suite, yardsticks
     from obsplan.scenario import suite
 
     cells = plan_cells(suite(), planners=planners, vary=settings, runs=runs, seed=seed)

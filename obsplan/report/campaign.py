@@ -1,9 +1,11 @@
 """A campaign read: tables, sentences and figures, from its folder into its folder."""
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false
 # because pandas is not typed: its columns may be anything
 
 import math
 from collections import Counter
+from collections.abc import Container
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -24,13 +26,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 FOLDER = "report"
-OURS = (
-    "medians.csv",
-    "pairs.csv",
-    "planners.png",
-    "error-vs-*.png",
-    "map-*.png",
-)  # what a report may have left there before
+# what a report may have left there before
+OURS = ("medians.csv", "pairs.csv", "planners.png", "error-vs-*.png", "map-*.png")
 MOST_ROWS = 40  # on a terminal
 MOST_SENTENCES = 3
 COLUMNS = {
@@ -51,7 +48,9 @@ class CampaignReport:
 
 
 def write_campaign_report(folder: Path | str) -> CampaignReport:
-    """Write medians, paired comparisons and figures of a campaign into its folder's ``report``; those of an earlier report go.
+    """Write medians, paired comparisons and figures of a campaign into its folder's ``report``.
+
+    Those of an earlier report go.
 
     Raises
     ------
@@ -72,11 +71,7 @@ def write_campaign_report(folder: Path | str) -> CampaignReport:
     contents |= {name: png(draw) for name, draw in figures(table).items()}
     for name, content in contents.items():
         write_atomically(target / name, content)
-    for stale in {path for pattern in OURS for path in target.glob(pattern)} - {
-        target / name for name in contents
-    }:
-        with suppress(OSError):
-            stale.unlink()
+    remove_stale(target, keep=contents)
     return CampaignReport(
         medians=by_cell,
         pairs=pairs,
@@ -85,13 +80,23 @@ def write_campaign_report(folder: Path | str) -> CampaignReport:
     )
 
 
+def remove_stale(folder: Path, *, keep: Container[str]) -> None:
+    """Remove what an earlier report left, as far as that goes."""
+    for pattern in OURS:
+        for path in folder.glob(pattern):
+            if path.name not in keep:
+                with suppress(OSError):
+                    path.unlink()
+
+
 def made(folder: Path) -> Path:
     """A folder, made unless it is there."""
     try:
         folder.mkdir(exist_ok=True)
     except OSError as error:
         raise ObsplanError(
-            f"{folder} cannot be made ({error.strerror}): make the campaign's folder writable, or copy it"
+            f"{folder} cannot be made ({error.strerror}): "
+            "make the campaign's folder writable, or copy it"
         ) from error
     return folder
 
@@ -167,13 +172,14 @@ def sentences(table: "pd.DataFrame", pairs: "pd.DataFrame") -> list[str]:
         said = tally([*settings.values()])
     if failed := int((table["status"] == "failed").sum()):
         said.append(
-            f"{failed} of {len(table)} missions failed and are left out of all medians and comparisons."
+            f"{failed} of {len(table)} missions failed "
+            "and are left out of all medians and comparisons."
         )
     return said
 
 
 def standings(table: "pd.DataFrame", pairs: "pd.DataFrame") -> dict[str, Standing]:
-    """The planners' standing in each scenario and setting in which several flew, by words for it."""
+    """The planners' standing in each scenario and setting where several flew, by words for it."""
     keys = ["scenario", *varied_keys(table)]
     by_setting = {known(labels): group for labels, group in pairs.groupby(keys, dropna=False)}
     return {
@@ -199,15 +205,20 @@ def setting(keys: list[str], labels: tuple) -> str:
 
 
 def tally(settings: list[Standing]) -> list[str]:
-    """In how many settings each planner leads and by how much, whether more seeds could tell more, and who broke limits."""
+    """In how many settings each planner leads and by how much, and who broke limits.
+
+    And whether more seeds could tell more.
+    """
     led = [one for one in settings if one.eligible and one.eligible[0] not in one.broken]
     counts = Counter(one.eligible[0] for one in led)
     leads = [
         share(planner, [one for one in led if one.eligible[0] == planner])
         for planner, _ in counts.most_common()
     ]
+    leaders = "; ".join(leads) or "no planner"
     said = [
-        f"Lowest RMS error under the same noise, of {len(settings)} settings: {'; '.join(leads) or 'no planner'} (see pairs.csv)."
+        f"Lowest RMS error under the same noise, of {len(settings)} settings: "
+        f"{leaders} (see pairs.csv)."
     ]
     comparisons = settings[0].comparisons
     if few := sum(bool(one.rivals) and one.too_few for one in led):
@@ -220,16 +231,24 @@ def tally(settings: list[Standing]) -> list[str]:
     for planner, count in broke.most_common():
         worst = max(one.broken.get(planner, 0.0) for one in settings)
         said.append(
-            f"{planner} broke a limit in {count} of them, by up to {metres(worst)}, and is counted as leading in none of these."
+            f"{planner} broke a limit in {count} of them, by up to {metres(worst)}, "
+            "and is counted as leading in none of these."
         )
     return said
 
 
 def share(planner: str, led: list[Standing]) -> str:
-    """In how many settings a planner leads, in how many of them beyond chance, and how far behind the next is."""
+    """In how many settings a planner leads, in how many beyond chance, and how far ahead."""
     certain = sum(one.winner == planner for one in led)
-    behind = [one.errors[next(iter(one.rivals))] / one.errors[planner] for one in led if one.rivals]
+    behind = []
+    for one in led:
+        if one.rivals:
+            next_best = next(iter(one.rivals))
+            behind.append(one.errors[next_best] / one.errors[planner])
     if not behind:
         return f"{planner} in {len(led)}, as the only one within the limits"
     ratio = math.exp(sum(map(math.log, behind)) / len(behind))
-    return f"{planner} in {len(led)} ({certain} beyond chance), the next with {ratio:.2f} times its error"
+    return (
+        f"{planner} in {len(led)} ({certain} beyond chance), "
+        f"the next with {ratio:.2f} times its error"
+    )

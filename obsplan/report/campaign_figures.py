@@ -1,5 +1,6 @@
 """Figures of a campaign: planners, errors against what was varied, and maps over two keys."""
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false
 # because pandas is not typed: its columns may be anything
 
 from collections.abc import Sequence
@@ -30,7 +31,7 @@ MOST_NUMBERS = 100  # of fields in a map, for each to be labelled
 
 
 def planners_figure(table: "pd.DataFrame") -> Figure:
-    """Draw each planner's errors, per scenario: median with its interval, and where most missions lie."""
+    """Draw each planner's errors, per scenario: median, its interval, where most missions lie."""
     scenarios, planners = names(table, "scenario"), names(table, "planner")
     height = len(scenarios) * (ROW * len(planners) + 0.9) + 0.7
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
@@ -64,7 +65,10 @@ def _draw_planner(axes: Axes, y: int, planner: str, errors: "pd.Series", row: "p
 
 
 def key_figure(table: "pd.DataFrame", key: str, pooled: Sequence[str] = ()) -> Figure:
-    """Draw the median error against a varied key, a line per planner and a panel per scenario; other keys are pooled."""
+    """Draw the median error against a varied key: a line per planner, a panel per scenario.
+
+    Other keys are pooled.
+    """
     scenarios, planners = names(table, "scenario"), names(table, "planner")
     figure = Figure(figsize=(WIDTH, PANEL * len(scenarios) + 0.7), layout="constrained")
     panels = figure.subplots(len(scenarios), 1, squeeze=False)[:, 0]
@@ -124,7 +128,10 @@ def symbol(paint: str, *, broke: bool) -> dict[str, Any]:
 
 
 def map_figure(table: "pd.DataFrame", keys: tuple[str, str], pooled: Sequence[str] = ()) -> Figure:
-    """Draw one scenario's median error over two varied keys, a panel per planner on one colour scale; other keys are pooled."""
+    """Draw one scenario's median error over two varied keys: a panel per planner, one colour scale.
+
+    Other keys are pooled.
+    """
     planners = names(table, "planner")
     summary = medians(table, ["planner", *keys]).dropna(subset=list(keys))
     grids = {

@@ -1,0 +1,48 @@
+"""The code that flies, as one number: results of one planner are never taken for another's."""
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+
+APART = {
+    "obsplan": ("cli", "report", "thesis", "missions", "recording.py", "campaign"),
+    "formulations": (),
+}
+FLIES = ("obsplan/campaign/worker.py",)  # though its folder stands apart
+
+
+@cache
+def code_hash() -> str:
+    """SHA-256 of the sources that can change what a mission gives; read once per process.
+
+    These are all of ``formulations`` and of ``obsplan`` all but what starts missions, reads their
+    surveys, keeps, draws or tells of them: `APART`. A mission file and a shipped scenario decide a
+    mission too, but stand, resolved, in the cell's content. Versions of other packages do not
+    count.
+    """
+    packages = {name: Path(str(files(name))) for name in APART}
+    return hash_of(packages)
+
+
+def hash_of(packages: Mapping[str, Path]) -> str:
+    """SHA-256 of the sources of packages in these folders, wherever they lie."""
+    found = {
+        name: path for package, root in packages.items() for name, path in sources(package, root)
+    }
+    digest = hashlib.sha256()
+    for name in sorted(found):
+        text = found[name].read_bytes().replace(b"\r\n", b"\n")
+        digest.update(f"{name}\0{len(text)}\0".encode())
+        digest.update(text)
+    return digest.hexdigest()
+
+
+def sources(package: str, root: Path) -> Iterator[tuple[str, Path]]:
+    """Names below the package and paths of its sources that fly."""
+    for path in root.rglob("*.py"):
+        below = path.relative_to(root)
+        name = f"{package}/{below.as_posix()}"
+        if below.parts[0] not in APART[package] or name in FLIES:
+            yield name, path
