@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from formulations.model.arcs import arcs
+from formulations.model.areas import Edges, edges_of, signed_distance
 from obsplan.types import Points, as_points
 
 CORNERS = 32  # of the polygon that stands for a disc where only straight edges will do
@@ -91,16 +92,15 @@ class Polygon:
         shapely.prepare(shape)
         return shape
 
+    @cached_property
+    def _edges(self) -> Edges:
+        return edges_of(np.array(self.points))
+
     def signed_distance(
         self, positions: Float[np.ndarray, "*batch 2"]
     ) -> Float[np.ndarray, "*batch"]:
         """Distance [m] to the edge, negative inside."""
-        import shapely
-
-        edge = shapely.distance(self._shape.exterior, shapely.points(positions))
-        return np.where(
-            shapely.contains_xy(self._shape, positions[..., 0], positions[..., 1]), -edge, edge
-        )
+        return signed_distance(positions, self._edges)
 
     def misses(self, legs: Float[np.ndarray, "n 2 2"]) -> Bool[np.ndarray, " n"]:
         """Whether straight legs, from their first to their second place, stay outside."""
@@ -168,18 +168,15 @@ class Constraints:
     ) -> Float[np.ndarray, "*batch"]:
         """How far [m] positions are inside a keep-out or outside the geofence; at most 0 where they are right, -inf without either."""
         worst = np.full(positions.shape[:-1], -np.inf)
-        for violation in self._fixed_violations(positions):
-            worst = np.maximum(worst, violation)
+        for area, sign in self._areas:
+            worst = np.maximum(worst, sign * area.signed_distance(positions))
         return worst
 
-    def _fixed_violations(
-        self, positions: Float[np.ndarray, "*batch 2"]
-    ) -> list[Float[np.ndarray, "*batch"]]:
-        """How far [m] positions are inside each keep-out and, last, outside the geofence."""
-        inside = [-area.signed_distance(positions) for area in self.keep_out]
-        if self.geofence is None:
-            return inside
-        return [*inside, self.geofence.signed_distance(positions)]
+    @property
+    def _areas(self) -> list[tuple[Disc | Polygon, float]]:
+        """Each keep-out and, last, the geofence; what turns the distance from its edge into a violation."""
+        areas = [(area, -1.0) for area in self.keep_out]
+        return areas if self.geofence is None else [*areas, (self.geofence, 1.0)]
 
     def histories(
         self,
@@ -202,8 +199,8 @@ class Constraints:
         if self.geofence is not None:
             labels.append("the geofence")
         told = [
-            LimitHistory(name=name, violation=violation)
-            for name, violation in zip(labels, self._fixed_violations(path), strict=True)
+            LimitHistory(name=name, violation=sign * area.signed_distance(path))
+            for name, (area, sign) in zip(labels, self._areas, strict=True)
         ]
         for i, name in enumerate(names):
             if self.min_separation > 0:
@@ -240,15 +237,18 @@ class Constraints:
         room: Float[np.ndarray, " M"] | float = 0.0,
     ) -> Float[np.ndarray, "*batch"]:
         """How far [m] positions are from a permitted distance to every AUV, with room [m] to spare for each; at most 0 if right."""
-        distance = np.linalg.norm(positions[..., None, :] - auvs, axis=-1)
-        near = (
-            self.min_separation - distance
-            if self.min_separation > 0
-            else np.full_like(distance, -np.inf)
-        )
-        return np.max(
-            np.maximum(near, distance - self.max_separation) + room, axis=-1, initial=-np.inf
-        )
+        if not self._separates:
+            return np.full(positions.shape[:-1], -np.inf)
+        way = positions[..., None, :] - auvs
+        distance = np.sqrt(way[..., 0] ** 2 + way[..., 1] ** 2)
+        broken = distance - self.max_separation
+        if self.min_separation > 0:
+            broken = np.maximum(self.min_separation - distance, broken)
+        return np.max(broken + room, axis=-1, initial=-np.inf)
+
+    @property
+    def _separates(self) -> bool:
+        return self.min_separation > 0 or self.max_separation < np.inf
 
     def violation(
         self,
@@ -256,10 +256,22 @@ class Constraints:
         auvs: Float[np.ndarray, "*#batch M 2"],
         room: Float[np.ndarray, " M"] | float = 0.0,
     ) -> Float[np.ndarray, "*batch"]:
-        """The worse of both [m]; it changes by no more than the vehicles move."""
-        return np.maximum(
-            self.fixed_violation(positions), self.separation_violation(positions, auvs, room)
-        )
+        """How far [m] positions break a limit, 0 where they keep all; it changes by no more than the vehicles move.
+
+        The last axis of the batch is a path, of which the middle is looked at first.
+        """
+        broken = np.maximum(self.separation_violation(positions, auvs, room), 0.0)
+        if positions.ndim < 3:
+            return np.maximum(broken, self.fixed_violation(positions))
+        middle = positions[..., positions.shape[-2] // 2, :]
+        way = positions - middle[..., None, :]
+        reach = np.sqrt(np.max(way[..., 0] ** 2 + way[..., 1] ** 2, axis=-1)) + ROUNDING
+        for area, sign in self._areas:
+            near = sign * area.signed_distance(middle) > -reach  # no other path can break it
+            if near.any():
+                there = sign * area.signed_distance(positions[near])
+                broken[near] = np.maximum(broken[near], there)
+        return broken
 
 
 UNLIMITED = Constraints()

@@ -95,7 +95,7 @@ def test_violation_is_the_worst_of_every_limit():
             signed_distance(BAY, x, y),
         ]
         apart = [math.dist((x, y), auv) for auv in auvs]
-        expected = max(*inside, *(4.0 - d for d in apart), *(d - 40.0 for d in apart))
+        expected = max(0.0, *inside, *(4.0 - d for d in apart), *(d - 40.0 for d in apart))
         assert LIMITS.violation(np.array([[x, y]]), auvs)[0] == pytest.approx(expected, abs=1e-9)
 
 
@@ -103,9 +103,10 @@ def test_no_limits_are_false_and_never_violated():
     assert not Constraints()
     assert Constraints(min_separation=1.0)
     assert (
-        UNLIMITED.violation(np.zeros((3, 2)), np.zeros((1, 2))).max() == -np.inf
+        UNLIMITED.violation(np.zeros((3, 2)), np.zeros((1, 2))).max() == 0.0
     )  # not even on top of an AUV
-    assert UNLIMITED.violation(np.zeros((3, 2)), np.empty((0, 2))).max() == -np.inf
+    assert UNLIMITED.violation(np.zeros((3, 2)), np.empty((0, 2))).max() == 0.0
+    assert UNLIMITED.fixed_violation(np.zeros((3, 2))).max() == -np.inf
 
 
 def test_areas_and_limits_refuse_what_makes_no_sense():
