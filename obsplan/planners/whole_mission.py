@@ -12,7 +12,8 @@ from formulations.model.arcs import path
 from formulations.model.covariance import Ranging
 from formulations.model.frames import Frame
 from formulations.model.schedule import ROUNDING, intervals, is_multiple
-from formulations.whole_mission import Mission, Plan, optimise
+from formulations.solution import Solution
+from formulations.whole_mission import Problem, optimise
 from obsplan.constraints import UNLIMITED, Constraints
 from obsplan.planners.checks import check_at_least, check_choices, check_positive
 from obsplan.planners.filed import Filed
@@ -143,9 +144,10 @@ class WholeMission:
     def _made(self, pose: Pose, time: float, progress: Progress) -> "Voyage":
         frame = frame_at(pose, self.filed)
         first = min(round(time / self.filed.time_step), self.filed.time.size - 2)
+        hold = round(self.turn_duration / self.filed.time_step)
         plan = optimise(
             self._mission(frame, first),
-            hold=round(self.turn_duration / self.filed.time_step),
+            hold=hold,
             count=self.starts,
             random=np.random.default_rng(self.search_seed),
             violation=Limits(self, frame, first) if self.constraints else None,
@@ -156,12 +158,12 @@ class WholeMission:
             self.cna,
             pose,
             time,
-            frame.mirror * plan.turn_rates,
-            plan.hold * self.filed.time_step,
+            frame.mirror * plan.x,
+            hold * self.filed.time_step,
             plan,
         )
 
-    def _mission(self, frame: Frame, first: int) -> Mission:
+    def _mission(self, frame: Frame, first: int) -> Problem:
         """What is known from a sample on, as seen by the vehicle there."""
         filed = self.filed
         every = round(
@@ -170,7 +172,7 @@ class WholeMission:
         after = slice(first, None)
         courses = np.stack([np.cos(filed.heading[after]), np.sin(filed.heading[after])], axis=-1)
         total = filed.weights.sum()
-        return Mission(
+        return Problem(
             time_step=filed.time_step,
             position=np.round(frame.positions(filed.position[after]), PLACES),
             heading=np.round(frame.directions(courses), PLACES),
@@ -259,7 +261,7 @@ class Voyage:
     begin: float  # [s]
     turn_rates: Float[np.ndarray, " n"]  # [rad/s]
     duration: float  # of each turn [s]
-    plan: Plan
+    plan: Solution
 
     def passes(self, pose: Pose, time: float) -> bool:
         """Whether the plan has the vehicle at a pose at a time."""
@@ -295,7 +297,7 @@ class Voyage:
             turn_rate=self.turn_rate(time),
             speed=self.cna.speed,
             path=self.poses(pose, time, end),
-            score=self.plan.score,
+            score=self.plan.objective,
             status=self.plan.status,
             condition=np.full(n_auvs, np.nan),
         )
