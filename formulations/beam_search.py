@@ -1,7 +1,8 @@
-"""Search for the manoeuvre after which AUVs know best where they are: beam search over constant turns, covariances predicted.
+"""Search for the turns after which AUVs know best where they are: beam search over constant turns.
 
-Each stage of each sequence is a branching: what the last stage's ranges tell, the prediction, and what ranges at the end of each turn
-would tell (`formulations.model.covariance`). It is one Function, run as machine code where there is a compiler.
+Each stage of each sequence is a branching: what the last stage's ranges tell, the prediction, and
+what ranges at the end of each turn would tell (`formulations.model.covariance`). It is one
+Function, run as machine code where there is a compiler.
 """
 
 from collections.abc import Callable
@@ -14,24 +15,26 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from .model.arcs import arc, arcs, compose
-from .model.casadi import SX, Cases, symbol
+from .model.casadi import SX, Cases, matrix, symbol
 from .model.covariance import (
     Ranging,
     Tracks,
     condition_on_range,
-    courses,
+    motions,
     pack,
     pack_array,
     predict,
     unpack,
 )
 from .model.schedule import Stages
+from .solution import Solution, Status
 
 CRITERIA = ("trace", "log-det")
 LOOKS = np.arange(1, 9) / 8  # parts of a stage after which it is held against the constraints
 TINY = 1e-30  # [m^4]; a position known exactly has no logarithm
 HALF = 10  # entries of a packed covariance
-AUV = (  # what a branching is told of an AUV: where it is at the last ranges and the next, how it moves between them
+# What a branching is told of an AUV: where it is at the last ranges and the next, and how it moves.
+AUV = (
     *("x_before", "y_before", "x", "y", "cos", "sin", "speed"),
     *("east_noise", "north_noise", "heading_noise", "speed_noise", "weight"),
 )
@@ -44,18 +47,11 @@ Violation = Callable[
 ]
 
 
-class Manoeuvre(NamedTuple):
-    """The best sequence of turns found."""
-
-    turn_rates: Float[np.ndarray, " S"]  # [rad/s]
-    poses: Float[np.ndarray, "nodes 3"]  # at the beginning and the ends of the stages
-    score: float  # the criterion [m^2], or [-] for log-det
-    first_violation: float  # how far its first turn breaks a limit [m], at least 0
-    violation: float  # how far the sequence does, at the points looked at [m], at least 0
-
-
 def turn_candidates(max_turn_rate: float, count: int) -> Float[np.ndarray, " K"]:
-    """Turn rates to try at each stage [rad/s], from left to right: straight on, and pairs that fall off threefold from the limit."""
+    """Turn rates to try at each stage [rad/s], from left to right.
+
+    Straight on, and pairs that fall off threefold from the limit.
+    """
     side = max_turn_rate / 3.0 ** np.arange(count // 2)
     return np.concatenate([side, [0.0], -side[::-1]])
 
@@ -71,7 +67,7 @@ class _Beam(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Limits:
+class _Feasibility:
     """What sequences are held against."""
 
     violation: Violation | None
@@ -82,9 +78,13 @@ class _Limits:
     def best(
         self, beam: _Beam, cost: np.ndarray, width: int, *, elapsed: float, duration: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The best of all sequences of the next stage; how far the first turns of these break a limit, and how far they do."""
+        """The best of all sequences of the next stage.
+
+        With them, how far their first turns break a limit, and how far the sequences do.
+        """
         each = len(self.turn_rates)
-        first, worst = (np.repeat(broken, each) for broken in (beam.first, beam.violation))
+        first = np.repeat(beam.first, each)
+        worst = np.repeat(beam.violation, each)
         if elapsed == 0.0:
             first = np.maximum(self.first_violation, 0.0)
         keep, worst = _best(first, worst, cost, width, self._look(beam, elapsed, duration))
@@ -120,8 +120,8 @@ def search_manoeuvres(
     beam_width: int = 32,
     violation: Violation | None = None,
     first_violation: Float[np.ndarray, " K"] | None = None,
-) -> Manoeuvre:
-    """Find the turns, one a stage, that make the AUVs' position covariances smallest over the horizon.
+) -> Solution:
+    """Find the turns, one a stage, after which the AUVs' position covariances are smallest.
 
     Parameters
     ----------
@@ -132,28 +132,35 @@ def search_manoeuvres(
     tracks, weights
         Where the AUVs are expected, and what each counts.
     stages, turn_rates, speed, ranging
-        Of the aid vehicle's horizon, its candidates at each stage [rad/s], its speed [m/s]; how ranges err.
+        Of the aid vehicle's horizon, its candidates at each stage [rad/s], its speed [m/s]; how
+        ranges err.
     criterion
-        ``trace`` [m²] or ``log-det`` [-] of the position covariance after each stage, weighted by the AUVs and averaged over time.
+        ``trace`` [m²] or ``log-det`` [-] of the position covariance after each stage, weighted by
+        the AUVs and averaged over time.
     beam_width
-        Sequences kept after each stage: those whose first turn breaks limits least, of these those that break them least later, of these
-        the cheapest.
+        Sequences kept after each stage: those whose first turn breaks limits least, of these those
+        that break them least later, of these the cheapest.
     violation
-        How far [m] positions (..., T, 2) at times from now [s] are on the wrong side of a limit, at most 0 where they are right.
+        How far [m] positions (..., T, 2) at times from now [s] are on the wrong side of a limit, at
+        most 0 where they are right.
     first_violation
         How far [m] each turn breaks a limit as the first one.
 
     Returns
     -------
-    The best sequence of the last beam; of equals the one that comes first, turning left.
+    The best sequence of the last beam; of equals the one that comes first, turning left. ``x``:
+    turn rates [rad/s]. ``poses``: at the beginning and the ends of the stages. ``objective``: the
+    criterion. Primal residual: how far it breaks a limit at the points looked at [m]. The status is
+    the first turn's, which is the one that is taken: ``VIOLATED`` where each breaks a limit, and
+    ``INVALID_INPUT`` where the criterion is no number.
     """
     turns = len(turn_rates)
     branch = branching(len(weights), turns, ranging.squared, criterion)
     told = _told(tracks, process_noise, weights, stages, turn_rates, speed, ranging)
-    limits = None
+    feasibility = None
     if violation is not None or first_violation is not None:
         first = np.zeros(turns) if first_violation is None else first_violation
-        limits = _Limits(
+        feasibility = _Feasibility(
             violation=violation, first_violation=first, turn_rates=turn_rates, speed=speed
         )
     none = np.zeros(1)
@@ -162,11 +169,11 @@ def search_manoeuvres(
     for s, duration in enumerate(stages.duration.tolist()):
         costs, poses, predicted = branch(beam.pose, beam.covariance, beam.cost, told[s])
         cost = costs.ravel()
-        if limits is None:
+        if feasibility is None:
             keep = _cheapest(cost, beam_width if s < len(told) - 1 else 1)
             broken = worst = none
         else:
-            keep, broken, worst = limits.best(
+            keep, broken, worst = feasibility.best(
                 beam, cost, beam_width, elapsed=elapsed, duration=duration
             )
         taken.append((keep, beam.pose))
@@ -179,36 +186,45 @@ def search_manoeuvres(
         )
         elapsed += duration
     best, poses = _followed_back(taken, turns)
-    return Manoeuvre(
-        turn_rates=turn_rates[best],
+    cost, first, worst = float(beam.cost[0]), float(beam.first[0]), float(beam.violation[0])
+    return Solution(
+        x=turn_rates[best],
+        objective=cost,
+        status=_status(cost, first),
+        primal_residual=max(first, worst),
         poses=np.array([*poses, beam.pose[0]]),
-        score=float(beam.cost[0]),
-        first_violation=float(beam.first[0]),
-        violation=float(beam.violation[0]),
     )
+
+
+def _status(cost: float, first_violation: float) -> Status:
+    if not np.isfinite(cost):
+        return Status.INVALID_INPUT
+    return Status.VIOLATED if first_violation > 0 else Status.OPTIMAL
 
 
 @lru_cache(maxsize=16)
 def branching(auvs: int, turns: int, squared: bool, criterion: str) -> Cases:
     """One stage of one sequence, for many sequences.
 
-    (pose, packed covariances: HALF x M, cost so far, told) -> (costs: K, poses: 3 x K, packed covariances: HALF x M)
+    (pose, packed covariances: HALF x M, cost so far, told)
+    -> (costs: K, poses: 3 x K, packed covariances: HALF x M)
 
     ``told`` holds ``AUV`` of each, ``STAGE`` and the moves of the turns, 3 x K, one after the other.
     """
-    sizes = {
-        "pose": (3, 1),
-        "P": (HALF, auvs),
-        "cost": (1, 1),
-        "told": (sum(_sizes(auvs, turns)), 1),
-    }
-    pose, P, cost, told = (ca.MX.sym(name, *size) for name, size in sizes.items())  # pyright: ignore[reportArgumentType, reportCallIssue]
-    auv, stage, moves = ca.vertsplit(told, np.cumsum([0, *_sizes(auvs, turns)]).tolist())
-    auv, moves = ca.reshape(auv, len(AUV), auvs), ca.reshape(moves, 3, turns)
+    sizes = _sizes(auvs, turns)
+    pose = matrix("pose", 3)
+    P = matrix("P", HALF, auvs)
+    cost = matrix("cost")
+    told = matrix("told", sum(sizes))
+    auv, stage, moves = ca.vertsplit(told, np.cumsum([0, *sizes]).tolist())
+    auv = ca.reshape(auv, len(AUV), auvs)
+    moves = ca.reshape(moves, 3, turns)
     poses = _composed(turns)(pose, moves)
+    of_all = _branching_of_one(turns, squared, criterion).map(auvs)
     repeated = [ca.repmat(part, 1, auvs) for part in (pose, poses, stage)]
-    known, predicted = _branching_of_one(turns, squared, criterion).map(auvs)(P, auv, *repeated)
-    costs = cost + stage[STAGE.index("share")] * (known @ auv[AUV.index("weight"), :].T)
+    known, predicted = of_all(P, auv, *repeated)
+    share, weight = stage[STAGE.index("share")], auv[AUV.index("weight"), :]
+    costs = cost + share * (known @ weight.T)
     function = ca.Function("branching", [pose, P, cost, told], [costs, poses, predicted])
     return Cases(function, scalars=auvs * turns <= UNROLLED)
 
@@ -219,15 +235,17 @@ def _sizes(auvs: int, turns: int) -> tuple[int, int, int]:
 
 
 def _branching_of_one(turns: int, squared: bool, criterion: str) -> ca.Function:
-    """The same of one AUV: (covariance, AUV, pose, poses: 3 x K, STAGE) -> (criterion after each turn: K, covariance)."""
+    """The same of one AUV.
+
+    (covariance, AUV, pose, poses: 3 x K, STAGE) -> (criterion after each turn: K, covariance)
+    """
     P, auv, stage = symbol("P", HALF), symbol("auv", len(AUV)), symbol("stage", len(STAGE))
     pose, poses = symbol("pose", 3), symbol("poses", 3, turns)
     duration, _, last_pings, pings, sigma = ca.vertsplit(stage)
-    before, there, course, noise, _ = ca.vertsplit(auv, [0, 2, 4, 7, 11, 12])
-    begun = condition_on_range(
-        unpack(P), pose[:2] - before, sigma=sigma, pings=last_pings, squared=squared
-    )
-    predicted = predict(begun, course, noise, duration)
+    before, there, motion, noise, _ = ca.vertsplit(auv, [0, 2, 4, 7, 11, 12])
+    last = pose[:2] - before
+    begun = condition_on_range(unpack(P), last, sigma=sigma, pings=last_pings, squared=squared)
+    predicted = predict(begun, motion, noise, duration)
     known = []
     for k in range(turns):
         x = poses[:2, k] - there
@@ -273,20 +291,24 @@ def _told(
     of_auvs, of_stage, of_moves = _sizes(M, len(turn_rates))
     told = np.empty((S, of_auvs + of_stage + of_moves))
     auv = told[:, :of_auvs].reshape(S, M, len(AUV))
-    stage, moves = told[:, of_auvs : of_auvs + of_stage], told[:, of_auvs + of_stage :]
+    stage = told[:, of_auvs : of_auvs + of_stage]
+    moves = told[:, of_auvs + of_stage :]
     auv[0, :, :2] = 0.0  # no ranges before the first stage
     auv[1:, :, :2] = tracks.position[:-1]
     auv[..., 2:4] = tracks.position
-    auv[..., 4:7] = courses(tracks.heading, tracks.speed)
+    auv[..., 4:7] = motions(tracks.heading, tracks.speed)
     auv[..., 7:11] = process_noise
     auv[..., 11] = weights / weights.sum()
     stage[:, 0] = stages.duration
     stage[:, 1] = stages.duration / stages.duration.sum()
-    stage[0, 2], stage[1:, 2] = 0.0, stages.pings[:-1]
+    stage[0, 2] = 0.0
+    stage[1:, 2] = stages.pings[:-1]
     stage[:, 3] = stages.pings
     stage[:, 4] = ranging.sigma
-    every = np.tile(turn_rates, S), np.repeat(stages.duration, len(turn_rates))
-    moves[...] = _moves()(*every, np.array([speed]))[0].reshape(S, -1)
+    every_rate = np.tile(turn_rates, S)
+    every_duration = np.repeat(stages.duration, len(turn_rates))
+    (arcs_of_turns,) = _moves()(every_rate, every_duration, np.array([speed]))
+    moves[...] = arcs_of_turns.reshape(S, -1)
     return told
 
 
@@ -308,7 +330,8 @@ def _followed_back(
 ) -> tuple[list[int], list[np.ndarray]]:
     """Turns of the first sequence of the last beam, and the poses they began at.
 
-    Of each stage: which branches were kept, ``count`` coming from each sequence, and where the sequences were.
+    Of each stage: which branches were kept, ``count`` coming from each sequence, and where the
+    sequences were.
     """
     turns, poses, k = [], [], 0
     for keep, pose in reversed(taken):
@@ -325,14 +348,21 @@ def _best(
     count: int,
     look: Look | None,
 ) -> tuple[Int[np.ndarray, " count"], Float[np.ndarray, " n"]]:
-    """The best sequences, and how far each breaks a limit; looked at are no more than it takes to know the best."""
+    """The best sequences, and how far each breaks a limit.
+
+    No more are looked at than it takes to know the best.
+    """
     order = np.lexsort((cost, worst, first))
     if look is None:
         return order[:count], worst
     worst, seen = worst.copy(), order[:0]
-    for end in range(count, len(order) + count, count):
-        these, seen = order[end - count : end], order[:end]
+    least = first[order[0]]
+    for begin in range(0, len(order), count):
+        these = order[begin : begin + count]
+        seen = order[: begin + count]
         worst[these] = np.maximum(worst[these], look(these))
-        if np.sum((first[seen] == first[order[0]]) & (worst[seen] == 0)) >= count:
+        feasible = (first[seen] == least) & (worst[seen] == 0)
+        if np.sum(feasible) >= count:
             break  # whatever comes later costs more, or breaks more
-    return seen[np.lexsort((cost[seen], worst[seen], first[seen]))[:count]], worst
+    best = np.lexsort((cost[seen], worst[seen], first[seen]))
+    return seen[best[:count]], worst

@@ -13,14 +13,12 @@ from jaxtyping import Float, Int
 
 from .metrics import EPS
 from .model.casadi import evaluate, symbol
-from .model.covariance import propagate, symmetric
+from .model.covariance import deviation, propagate, symmetric
 
 RELATIVE_GAP = 0.005  # of the mean square: the bound's RMS is within 0.25 % of the best
 MAX_ITERATIONS = 300
-CURVATURE_DECREASE, CURVATURE_INCREASE = (
-    0.9,
-    2.0,
-)  # of the backtracking, as in Pedregosa et al. (2020)
+CURVATURE_DECREASE = 0.9  # of the backtracking, as in Pedregosa et al. (2020)
+CURVATURE_INCREASE = 2.0
 ROUNDING = 1e-12  # of a value, relative: decreases below it cannot be told
 
 
@@ -38,10 +36,8 @@ def range_information(
     Raises ValueError unless sigma is positive.
     """
     separation, squared = _separation(beacon, target)
-    return (
-        _outer(separation)
-        / (np.where(squared > 0, squared, 1.0) * _variance(sigma))[..., None, None]
-    )
+    divisor = np.where(squared > 0, squared, 1.0) * _variance(sigma, separation)
+    return _outer(separation) / divisor[..., None, None]
 
 
 def squared_range_information(
@@ -54,12 +50,9 @@ def squared_range_information(
     ``sigma`` [m²] is of the squared range. It is worth a range of standard deviation σ / (2 d): the more the farther, nothing at d = 0.
     Raises ValueError unless sigma is positive.
     """
-    separation, _ = _separation(beacon, target)
-    return (
-        4.0
-        * _outer(separation)
-        / np.broadcast_to(_variance(sigma), separation.shape[:-1])[..., None, None]
-    )
+    separation, squared = _separation(beacon, target)
+    variance = np.broadcast_to(_variance(sigma, separation), squared.shape)
+    return 4.0 * _outer(separation) / variance[..., None, None]
 
 
 def posterior_cramer_rao(
@@ -107,10 +100,12 @@ def path_information(
 
     It is the discrete observability Gramian weighted by the noise (thesis 2.4). Summed backwards, by the same sweep as the covariances.
     """
-    backwards = np.swapaxes(F, -1, -2)[..., ::-1, :, :]
-    gained = backwards @ J[..., ::-1, :, :] @ np.swapaxes(backwards, -1, -2)
+    # Backwards, Phi' J Phi sums like a covariance that each step moves by F' and then widens.
+    Ft, backward_J = np.swapaxes(F, -1, -2)[..., ::-1, :, :], J[..., ::-1, :, :]
+    gained = Ft @ backward_J @ np.swapaxes(Ft, -1, -2)
     nothing = np.zeros_like(gained)
-    return posterior_cramer_rao(nothing[..., 0, :, :], backwards, gained, nothing)[..., -1, :, :]
+    sums = posterior_cramer_rao(nothing[..., 0, :, :], Ft, gained, nothing)
+    return sums[..., -1, :, :]
 
 
 def position_rms(P: Float[np.ndarray, "*batch samples n n"]) -> Float[np.ndarray, "*batch"]:
@@ -120,10 +115,14 @@ def position_rms(P: Float[np.ndarray, "*batch samples n n"]) -> Float[np.ndarray
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InformationBound:
-    """What no path of the beacon can beat, with its certificate. Mean squares [m²] are of the position error, over time.
+    """What no path of the beacon can beat, with its certificate.
 
-    ``value`` is reached by the fractional directions ``allocation`` (one 2 x 2 matrix of trace one per ping); ``gap`` is its duality gap:
-    the least mean square of any path lies above ``bound`` = value − gap. ``weights`` are those of the samples, with sum one.
+    It is a bound and no `Solution`: its minimiser is an allocation that no path need reach, and
+    what counts is the value less the gap. Mean squares [m²] are of the position error, over time.
+
+    ``value`` is reached by the fractional directions ``allocation`` (one 2 x 2 matrix of trace one
+    per ping); ``gap`` is its duality gap: the least mean square of any path lies above ``bound`` =
+    value − gap. ``weights`` are those of the samples, with sum one.
     """
 
     value: float
@@ -198,7 +197,7 @@ def information_bound(
         raise ValueError(
             f"relative_gap must be positive and max_iterations at least 1, got {relative_gap} and {max_iterations}"
         )
-    precision = np.broadcast_to(1.0 / _variance(sigma), pings.shape)
+    precision = np.broadcast_to(1.0 / _positive(sigma) ** 2, pings.shape)
     problem = _Allocation(
         P0=P0, F=F, Q=Q, J_other=J_other, pings=pings, precision=precision, weights=weights
     )
@@ -235,11 +234,13 @@ class _Allocation:
         n = len(self.P0)
         A = (np.eye(n) - P[1:] @ J) @ self.F
         wE = self.weights[:, None, None] * np.diag(np.arange(n) < 2)
-        adjoint = posterior_cramer_rao(
-            wE[-1], A[::-1].swapaxes(1, 2), wE[-2::-1], np.zeros_like(A)
-        )[::-1]
+        last, others = wE[-1], wE[:-1]
+        back = A[::-1].swapaxes(1, 2)
+        swept = posterior_cramer_rao(last, back, others[::-1], np.zeros_like(A))
+        adjoint = swept[::-1][self.pings + 1]
         after = P[self.pings + 1]
-        return -self.precision[:, None, None] * (after @ adjoint[self.pings + 1] @ after)[:, :2, :2]
+        by_information = -(after @ adjoint @ after)[:, :2, :2]
+        return self.precision[:, None, None] * by_information
 
 
 def _frank_wolfe(
@@ -271,7 +272,8 @@ def _frank_wolfe(
         while True:
             length = min(1.0, descent / curvature)
             trial, J, P = problem.evaluate(M + length * step)
-            if trial <= value - length * descent + length**2 * curvature / 2 + ROUNDING * value:
+            model = value - length * descent + length**2 * curvature / 2
+            if trial <= model + ROUNDING * value:
                 break
             curvature *= CURVATURE_INCREASE
         M, value = M + length * step, trial
@@ -320,14 +322,17 @@ def _riccati_sweep(n: int, steps: int) -> ca.Function:
 
 
 def _update(P: ca.SX, J: ca.SX) -> ca.SX:
-    """Add the information J to the covariance P, one factor of J = Σ c cᵀ / d (Cholesky, null pivots skipped) after the other."""
+    """Add the information J to the covariance P.
+
+    One factor of J = Σ c cᵀ / d (Cholesky, null pivots skipped) after the other.
+    """
     n, rest = P.shape[0], J
     for i in range(n):
-        positive = (
-            rest[i, i] > n * EPS * J[i, i]
-        )  # below, the pivot is rounding and so is its column
-        d = ca.if_else(positive, rest[i, i], 1.0)
-        c = ca.if_else(positive, 1.0, 0.0) * ca.vertcat(ca.SX(i, 1), rest[i:, i])
+        pivot = rest[i, i]
+        positive = pivot > n * EPS * J[i, i]  # below, it is rounding and so is its column
+        d = ca.if_else(positive, pivot, 1.0)
+        column = ca.vertcat(ca.SX(i, 1), rest[i:, i])
+        c = ca.if_else(positive, 1.0, 0.0) * column
         rest = rest - c @ c.T / d
         Pc = P @ c
         P = symmetric(P - Pc @ Pc.T / (d + c.T @ Pc))
@@ -344,11 +349,18 @@ def _outer(x: np.ndarray) -> np.ndarray:
     return x[..., :, None] * x[..., None, :]
 
 
-def _variance(sigma: float | np.ndarray) -> np.ndarray:
-    """Return sigma², once sigma is known to be positive."""
+def _variance(sigma: float | np.ndarray, separation: np.ndarray) -> np.ndarray:
+    """Return the variance of ranges over separations, once sigma is known to be positive."""
+    return np.asarray(deviation(_positive(sigma), separation) ** 2)
+
+
+def _positive(sigma: float | np.ndarray) -> np.ndarray:
+    """Return standard deviations, once they are known to be positive."""
     sigma = np.asarray(sigma, dtype=float)
-    if not np.all(sigma > 0):
+    wrong = sigma[~(sigma > 0)]
+    if wrong.size:
         raise ValueError(
-            f"sigma must be positive, got {sigma[~(sigma > 0)].flat[0]}; for no measurement give zero information instead"
+            f"sigma must be positive, got {wrong.flat[0]}; "
+            "for no measurement give zero information instead"
         )
-    return np.asarray(sigma**2)
+    return sigma

@@ -164,14 +164,11 @@ def position_schur_complement(
     A, B, D = W[..., :keep, :keep], W[..., :keep, keep:], W[..., keep:, keep:]
     scale = np.sqrt(np.maximum(np.diagonal(D, axis1=-2, axis2=-1), 0.0))
     inverse_scale = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
-    eigenvalues, vectors = np.linalg.eigh(
-        D * inverse_scale[..., :, None] * inverse_scale[..., None, :]
-    )
-    coupling = (
-        (B * inverse_scale[..., None, :])
-        @ vectors
-        / np.sqrt(np.maximum(eigenvalues, n * EPS))[..., None, :]
-    )
+    scaled_D = D * inverse_scale[..., :, None] * inverse_scale[..., None, :]
+    scaled_B = B * inverse_scale[..., None, :]
+    eigenvalues, vectors = np.linalg.eigh(scaled_D)
+    raised = np.maximum(eigenvalues, n * EPS)
+    coupling = scaled_B @ vectors / np.sqrt(raised)[..., None, :]
     kept, axes = np.linalg.eigh(A - coupling @ np.swapaxes(coupling, -1, -2))
     kept = np.where(kept > n * EPS * np.linalg.eigvalsh(A)[..., -1:], kept, 0.0)
     return (axes * kept[..., None, :]) @ np.swapaxes(axes, -1, -2)
@@ -205,20 +202,24 @@ def score_expression(
     if len(entries) not in (3, 6):
         raise ValueError(f"give the 3 or 6 entries of the upper triangle of W, got {len(entries)}")
     entries = tuple(ca.densify(w) for w in entries)
-    n, regular, pivots, inverse = (
-        (2, *_invert2(*entries)) if len(entries) == 3 else (3, *_invert3(*entries))
-    )
+    n = 2 if len(entries) == 3 else 3
+    regular, pivots, inverse = _invert2(*entries) if n == 2 else _invert3(*entries)
     largest = _largest_eigenvalue(entries)
     smallest = 1.0 / _largest_eigenvalue(inverse)
     regular = ca.logic_and(regular, smallest > n * EPS * largest)
-    value = {
-        "condition-number": lambda: largest / smallest,
-        "unobservability-index": lambda: 1.0 / smallest,
-        "smallest-eigenvalue": lambda: -smallest,
-        "log-det": lambda: -sum(ca.log(pivot) for pivot in pivots),
-        "trace-inverse": lambda: inverse[0] + inverse[-1] + (inverse[3] if n == 3 else 0.0),
-        "blend": lambda: ca.log(largest) - (1.0 + blend_weight) * ca.log(smallest),
-    }[name]()
+    match name:
+        case "condition-number":
+            value = largest / smallest
+        case "unobservability-index":
+            value = 1.0 / smallest
+        case "smallest-eigenvalue":
+            value = -smallest
+        case "log-det":
+            value = -sum(ca.log(pivot) for pivot in pivots)
+        case "trace-inverse":
+            value = inverse[0] + inverse[-1] + (inverse[3] if n == 3 else 0.0)
+        case _:  # blend
+            value = ca.log(largest) - (1.0 + blend_weight) * ca.log(smallest)
     return ca.if_else(regular, value, ca.inf)
 
 
@@ -230,11 +231,15 @@ def position_schur_expression(entries: Entries) -> Entries:
     w11, w12, w13, w22, w23, w33 = (ca.densify(w) for w in entries)
     seen = w33 > 0
     pivot = ca.if_else(seen, w33, 1.0)  # where the nuisance is not seen at all, w13 = w23 = 0
-    s11, s12, s22 = w11 - w13 * w13 / pivot, w12 - w13 * w23 / pivot, w22 - w23 * w23 / pivot
+    s11 = w11 - w13 * w13 / pivot
+    s12 = w12 - w13 * w23 / pivot
+    s22 = w22 - w23 * w23 / pivot
     first = s11 > 3 * EPS * w11
-    s11, s12 = ca.if_else(first, s11, 0.0), ca.if_else(first, s12, 0.0)
+    s11 = ca.if_else(first, s11, 0.0)
+    s12 = ca.if_else(first, s12, 0.0)
     shadow = s12 * s12 / ca.if_else(first, s11, 1.0)
-    return s11, s12, ca.if_else(s22 - shadow > 3 * EPS * w22, s22, shadow)
+    second = s22 - shadow > 3 * EPS * w22
+    return s11, s12, ca.if_else(second, s22, shadow)
 
 
 def _invert2(w11, w12, w22) -> tuple[Any, Entries, Entries]:
@@ -242,11 +247,8 @@ def _invert2(w11, w12, w22) -> tuple[Any, Entries, Entries]:
     regular, d1 = _pivot(w11)
     l21 = w12 / d1
     regular2, d2 = _pivot(w22 - l21 * w12)
-    return (
-        ca.logic_and(regular, regular2),
-        (d1, d2),
-        (1.0 / d1 + l21 * l21 / d2, -l21 / d2, 1.0 / d2),
-    )
+    inverse = 1.0 / d1 + l21 * l21 / d2, -l21 / d2, 1.0 / d2
+    return ca.logic_and(regular, regular2), (d1, d2), inverse
 
 
 def _invert3(w11, w12, w13, w22, w23, w33) -> tuple[Any, Entries, Entries]:
@@ -258,15 +260,12 @@ def _invert3(w11, w12, w13, w22, w23, w33) -> tuple[Any, Entries, Entries]:
     l32 = s23 / d2
     regular3, d3 = _pivot(w33 - l31 * w13 - l32 * s23)
     a = l21 * l32 - l31
-    inverse = (
-        1.0 / d1 + l21 * l21 / d2 + a * a / d3,
-        -l21 / d2 - a * l32 / d3,
-        a / d3,
-        1.0 / d2 + l32 * l32 / d3,
-        -l32 / d3,
-        1.0 / d3,
-    )
-    return ca.logic_and(ca.logic_and(regular1, regular2), regular3), (d1, d2, d3), inverse
+    v11 = 1.0 / d1 + l21 * l21 / d2 + a * a / d3
+    v12 = -l21 / d2 - a * l32 / d3
+    v22 = 1.0 / d2 + l32 * l32 / d3
+    inverse = v11, v12, a / d3, v22, -l32 / d3, 1.0 / d3
+    regular = ca.logic_and(ca.logic_and(regular1, regular2), regular3)
+    return regular, (d1, d2, d3), inverse
 
 
 def _pivot(pivot):
@@ -276,15 +275,27 @@ def _pivot(pivot):
 
 
 def _largest_eigenvalue(entries):
-    """Return the largest eigenvalue of a symmetric 2 x 2 or 3 x 3 matrix in closed form (Smith 1961, CACM 4(4):168)."""
-    if len(entries) == 3:
-        w11, w12, w22 = entries
-        return 0.5 * (w11 + w22) + ca.hypot(0.5 * (w11 - w22), w12)
-    w11, w12, w13, w22, w23, w33 = entries
+    """Return the largest eigenvalue of a symmetric 2 x 2 or 3 x 3 matrix in closed form."""
+    return _largest_of_2(*entries) if len(entries) == 3 else _largest_of_3(*entries)
+
+
+def _largest_of_2(w11, w12, w22):
+    return 0.5 * (w11 + w22) + ca.hypot(0.5 * (w11 - w22), w12)
+
+
+def _largest_of_3(w11, w12, w13, w22, w23, w33):
+    r"""Return the largest eigenvalue as mean + 2 radius cos(θ/3) (Smith 1961, CACM 4(4):168).
+
+    The matrix is mean·I + radius·B with tr B = 0 and tr B² = 6, and cos θ = det B / 2.
+    """
     mean = (w11 + w22 + w33) / 3.0
     a, b, c = w11 - mean, w22 - mean, w33 - mean
-    radius = ca.sqrt((a * a + b * b + c * c + 2.0 * (w12 * w12 + w13 * w13 + w23 * w23)) / 6.0)
+    diagonal = a * a + b * b + c * c
+    off_diagonal = w12 * w12 + w13 * w13 + w23 * w23
+    radius = ca.sqrt((diagonal + 2.0 * off_diagonal) / 6.0)
     unit = ca.if_else(radius > 0, radius, 1.0)  # radius 0: a multiple of the identity
-    a, b, c, d, e, f = a / unit, b / unit, c / unit, w12 / unit, w13 / unit, w23 / unit
-    half_det = 0.5 * (a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e))
-    return mean + 2.0 * radius * ca.cos(ca.acos(ca.fmin(ca.fmax(half_det, -1.0), 1.0)) / 3.0)
+    a, b, c = a / unit, b / unit, c / unit
+    d, e, f = w12 / unit, w13 / unit, w23 / unit
+    det = a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e)
+    cosine = ca.fmin(ca.fmax(0.5 * det, -1.0), 1.0)
+    return mean + 2.0 * radius * ca.cos(ca.acos(cosine) / 3.0)

@@ -1,10 +1,13 @@
-"""What a solver returns: the solution with its own residuals, and a status that says what to do about it."""
+"""What a solver returns: the solution with its own residuals, and a status that says what to do."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 from jaxtyping import Float
+
+NAN = float("nan")
 
 
 class Status(IntEnum):
@@ -30,7 +33,7 @@ class Status(IntEnum):
 
     @property
     def advice(self) -> str:
-        """One sentence: what happened and what to change."""
+        """What happened and what to change, in one sentence that is true of every planner."""
         return _ADVICE[self]
 
     @property
@@ -40,48 +43,92 @@ class Status(IntEnum):
 
 
 _ADVICE = {
-    Status.OPTIMAL: "the optimum of the stated problem; nothing to do",
-    Status.CLIPPED: "the optimum lies beyond the vehicle's turning limit, which was applied; a smaller turning radius would help",
-    Status.INACCURATE: "the solver stopped short of its tolerance; allow more iterations or loosen the tolerance",
-    Status.INFEASIBLE: "no solution satisfies every limit; relax the largest radius, the largest centre distance or the turning radius",
-    Status.UNOBSERVABLE: "no manoeuvre makes every AUV observable over the horizon; lengthen the horizon or move the aid vehicle",
+    Status.OPTIMAL: "solved as stated; nothing to do",
+    Status.CLIPPED: (
+        "the turn wanted is beyond the vehicle's turning limit, which was applied; "
+        "a smaller turning radius would help"
+    ),
+    Status.INACCURATE: (
+        "the search for the optimum stopped short of its tolerance; "
+        "allow it more iterations or starts, or loosen the tolerance"
+    ),
+    Status.INFEASIBLE: (
+        "no solution satisfies every limit; relax the tightest, or take a smaller turning radius"
+    ),
+    Status.UNOBSERVABLE: (
+        "no candidate makes every AUV observable over the horizon; "
+        "lengthen the horizon or move the aid vehicle"
+    ),
     Status.NO_TARGETS: "there is no AUV to plan for; the aid vehicle goes straight on",
-    Status.INVALID_INPUT: "a pose or a belief is not finite; the aid vehicle goes straight on; check the estimator",
-    Status.SOLVER_FAILED: "the solver failed; the substitute manoeuvre is the closed form's; check the scale of the problem",
-    Status.VIOLATED: "no manoeuvre keeps within every limit; the one that violates least is taken; widen the limits or start elsewhere",
-    Status.RESTARTED: "the optimum, but found anew: the last trajectory was no good start; nothing to do unless it happens often",
-    Status.SECOND_SOLVER: "the optimum, but the first solver failed and a slower one found it; fewer stages may help if it happens often",
-    Status.BEST_MANOEUVRE: "no solver improved on the best manoeuvre tried, which is taken; fewer stages or more iterations may help",
-    Status.SOFTENED: "no trajectory found keeps within every limit; the optimum with the limits softened is taken; widen the limits",
-    Status.LIMITED: "the manoeuvre wanted breaks a limit; the nearest turn that does not is taken; nothing to do unless it happens often",
+    Status.INVALID_INPUT: (
+        "a pose or a belief is not finite; the aid vehicle goes straight on; check the estimator"
+    ),
+    Status.SOLVER_FAILED: (
+        "the solver failed and a substitute is taken; check the scale of the problem"
+    ),
+    Status.VIOLATED: (
+        "no feasible candidate was found; the one that violates the limits least is taken; "
+        "widen the limits or start elsewhere"
+    ),
+    Status.RESTARTED: (
+        "solved as stated, but not from the last trajectory, which was no good start; "
+        "nothing to do unless it happens often"
+    ),
+    Status.SECOND_SOLVER: (
+        "solved as stated, but by the slower solver, since the first one failed; "
+        "a smaller problem, as of fewer stages, may help if it happens often"
+    ),
+    Status.BEST_MANOEUVRE: (
+        "no solver improved on the best candidate tried, which is taken; "
+        "more iterations, or a smaller problem, may help"
+    ),
+    Status.SOFTENED: (
+        "no feasible solution was found; the optimum with the limits softened is taken; "
+        "widen the limits"
+    ),
+    Status.LIMITED: (
+        "the turn wanted breaks a limit; the nearest turn that does not is taken; "
+        "nothing to do unless it happens often"
+    ),
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Solution:
-    """Minimiser of a convex problem, with residuals computed from the problem itself and not taken from the solver.
+    r"""What a solver or a search found for: minimise f(x) subject to g(x) ≤ 0.
 
-    ``primal_residual`` is the largest violation of a constraint, ``dual_residual`` the norm of the Lagrangian's gradient, ``duality_gap``
-    the primal less the dual objective, each in the unit of what it measures. All are nan where ``status`` says there is no solution.
+    The residuals are computed from the problem itself, never taken from a solver:
+
+    .. math:: r_\mathrm{primal} = \max_i \max(0, g_i(x)), \quad
+              r_\mathrm{dual} = \lVert \nabla_x L(x, \lambda) \rVert_\infty, \quad
+              r_\mathrm{gap} = f(x) - \inf_y L(y, \lambda),
+
+    with the Lagrangian :math:`L(x, \lambda) = f(x) + \lambda^\top g(x)` and multipliers λ ≥ 0. Each
+    has the unit of what it measures. A method without multipliers has no dual residual, one that is
+    not convex no gap: those are nan. Without limits the primal residual is 0. Where there is no
+    solution all numbers are nan, and ``status`` says why.
     """
 
-    x: Float[np.ndarray, " n"]
-    objective: float
-    primal_residual: float
-    dual_residual: float
-    duality_gap: float
+    x: Float[np.ndarray, "*n"]  # what was chosen; the solver says in which unit and order
+    objective: float  # f(x)
     status: Status
+    primal_residual: float = 0.0
+    dual_residual: float = NAN
+    duality_gap: float = NAN
+    poses: Float[np.ndarray, "nodes 3"] | None = None  # of a path: east, north [m], heading [rad]
+    condition: Float[np.ndarray, " M"] | None = None  # number of each AUV's Gramian, where there is
+    remedies: Mapping[Status, str] | None = None  # advice of this solver in particular
 
     @classmethod
-    def missing(cls, status: Status, n: int = 1) -> "Solution":
-        """Return what stands for a solution where there is none: nan throughout, and why."""
-        nothing = float("nan")
-        unknown = np.full(n, nothing)
+    def missing(
+        cls, status: Status, n: int = 1, remedies: Mapping[Status, str] | None = None
+    ) -> "Solution":
+        """Stand for a solution where there is none."""
         return cls(
-            x=unknown,
-            objective=nothing,
-            primal_residual=nothing,
-            dual_residual=nothing,
-            duality_gap=nothing,
-            status=status,
+            x=np.full(n, NAN), objective=NAN, status=status, primal_residual=NAN, remedies=remedies
         )
+
+    @property
+    def advice(self) -> str:
+        """What happened and what to change, in the words of this solver's options."""
+        return (self.remedies or {}).get(self.status, self.status.advice)

@@ -12,8 +12,9 @@ from scipy.linalg import expm
 from formulations import beam_search as search
 from formulations.beam_search import LOOKS, search_manoeuvres, turn_candidates
 from formulations.model import covariance
-from formulations.model.covariance import Ranging, Tracks, conditioned, courses
+from formulations.model.covariance import Ranging, Tracks, conditioned, motions
 from formulations.model.schedule import Stages, ping_stages
+from formulations.solution import Status
 
 
 def positive_definite(rng, scale):
@@ -34,7 +35,7 @@ def drift_of(heading, speed):
 
 
 def predicted(P, heading, speed, noise, duration):
-    course = courses(np.array(heading), np.array(speed))
+    course = motions(np.array(heading), np.array(speed))
     return covariance.predicted(P, course, noise, duration)
 
 
@@ -235,9 +236,9 @@ def test_full_beam_finds_the_best_of_all_sequences(criterion):
         }
         best = min(costs, key=costs.get)
         found = search_manoeuvres(**given, criterion=criterion, beam_width=5**3)
-        assert tuple(found.turn_rates) == best
-        assert found.score == pytest.approx(costs[best], rel=1e-8)
-        assert (found.first_violation, found.violation) == (0.0, 0.0)
+        assert tuple(found.x) == best
+        assert found.objective == pytest.approx(costs[best], rel=1e-8)
+        assert (found.status, found.primal_residual) == (Status.OPTIMAL, 0.0)
 
 
 def test_narrow_beam_says_what_its_sequence_costs_and_loses_little():
@@ -246,9 +247,9 @@ def test_narrow_beam_says_what_its_sequence_costs_and_loses_little():
     for _ in range(10):
         given = problem(rng, stages=4)
         best, narrow = (search_manoeuvres(**given, beam_width=width) for width in (5**4, 8))
-        assert narrow.score == pytest.approx(cost_of(given, narrow.turn_rates), rel=1e-8)
-        assert narrow.score >= best.score
-        lost.append(narrow.score / best.score - 1)
+        assert narrow.objective == pytest.approx(cost_of(given, narrow.x), rel=1e-8)
+        assert narrow.objective >= best.objective
+        lost.append(narrow.objective / best.objective - 1)
     assert np.median(lost) < 0.02
 
 
@@ -261,7 +262,7 @@ def test_of_equals_the_left_turn_is_taken():
     found = search_manoeuvres(
         **given | {"tracks": Tracks(ahead, np.zeros((3, 1)), np.zeros((3, 1)))}, beam_width=125
     )
-    turning = found.turn_rates[found.turn_rates != 0]
+    turning = found.x[found.x != 0]
     assert turning[0] > 0
 
 
@@ -271,14 +272,14 @@ def test_weights_count_relative_to_each_other_and_zero_not_at_all():
     plain, scaled = (
         search_manoeuvres(**given | {"weights": given["weights"] * factor}) for factor in (1.0, 8.0)
     )
-    assert scaled.score == pytest.approx(plain.score, rel=1e-12)
-    np.testing.assert_array_equal(scaled.turn_rates, plain.turn_rates)
+    assert scaled.objective == pytest.approx(plain.objective, rel=1e-12)
+    np.testing.assert_array_equal(scaled.x, plain.x)
     alone = {key: given[key][:1] for key in ("covariance", "process_noise", "weights")}
     alone["tracks"] = Tracks(*(part[:, :1] for part in given["tracks"]))
     one = search_manoeuvres(**given | alone)
     muted = search_manoeuvres(**given | {"weights": np.array([3.0, 0.0])})
-    np.testing.assert_array_equal(muted.turn_rates, one.turn_rates)
-    assert muted.score == pytest.approx(one.score, rel=1e-12)
+    np.testing.assert_array_equal(muted.x, one.x)
+    assert muted.objective == pytest.approx(one.objective, rel=1e-12)
 
 
 def test_auv_on_the_way_makes_nothing_that_is_no_number():
@@ -290,7 +291,7 @@ def test_auv_on_the_way_makes_nothing_that_is_no_number():
     found = search_manoeuvres(
         **given | {"tracks": Tracks(under, np.zeros((3, 1)), np.zeros((3, 1)))}, beam_width=125
     )
-    assert np.isfinite(found.score)
+    assert np.isfinite(found.objective)
 
 
 def test_known_position_has_a_finite_log_determinant():
@@ -298,7 +299,7 @@ def test_known_position_has_a_finite_log_determinant():
         "covariance": np.zeros((2, 4, 4)),
         "process_noise": np.zeros((2, 4)),
     }
-    assert np.isfinite(search_manoeuvres(**given, criterion="log-det").score)
+    assert np.isfinite(search_manoeuvres(**given, criterion="log-det").objective)
 
 
 # Limits
@@ -308,18 +309,18 @@ def test_sequences_that_break_limits_are_taken_last_and_the_first_turn_counts_mo
     given = problem(np.random.default_rng(12))
     K = given["turn_rates"].size
     free = search_manoeuvres(**given, beam_width=125)
-    banned = (given["turn_rates"] == free.turn_rates[0]).astype(float)
+    banned = (given["turn_rates"] == free.x[0]).astype(float)
     other = search_manoeuvres(**given, beam_width=125, first_violation=banned)
     costs = {
         turns: cost_of(given, turns) for turns in itertools.product(given["turn_rates"], repeat=3)
     }
-    allowed = {turns: cost for turns, cost in costs.items() if turns[0] != free.turn_rates[0]}
-    assert tuple(other.turn_rates) == min(allowed, key=allowed.get)
-    assert other.first_violation == 0.0
+    allowed = {turns: cost for turns, cost in costs.items() if turns[0] != free.x[0]}
+    assert tuple(other.x) == min(allowed, key=allowed.get)
+    assert (other.status, other.primal_residual) == (Status.OPTIMAL, 0.0)
     least = np.linspace(2.0, 1.0, K)
     forced = search_manoeuvres(**given, beam_width=125, first_violation=least)
-    assert forced.turn_rates[0] == given["turn_rates"][-1]
-    assert forced.first_violation == 1.0
+    assert forced.x[0] == given["turn_rates"][-1]
+    assert (forced.status, forced.primal_residual) == (Status.VIOLATED, 1.0)
 
 
 def test_first_turn_counts_more_than_what_comes_of_it():
@@ -333,13 +334,13 @@ def test_first_turn_counts_more_than_what_comes_of_it():
         return np.where((aside < 1e-9) & (times <= given["stages"].duration[0]), 1.0, -1.0)
 
     found = search_manoeuvres(**given, beam_width=125, violation=right_at_first)
-    assert found.turn_rates[0] > 0
-    assert found.violation == 0.0
+    assert found.x[0] > 0
+    assert found.primal_residual == 0.0
     found = search_manoeuvres(
         **given, beam_width=125, violation=right_at_first, first_violation=0.1 * left
     )
-    assert found.turn_rates[0] <= 0
-    assert (found.first_violation, found.violation) == (0.0, 1.0)
+    assert found.x[0] <= 0
+    assert (found.status, found.primal_residual) == (Status.OPTIMAL, 1.0)
 
 
 @pytest.mark.parametrize("count", [1, 5, 60, 200])
@@ -389,5 +390,5 @@ def test_violation_of_a_sequence_is_the_worst_along_its_arcs():
         return max(*east, given["pose"][0]) - given["pose"][0]
 
     broken = {turns: worst(turns) for turns in itertools.product(given["turn_rates"], repeat=3)}
-    assert found.violation == pytest.approx(min(broken.values()), abs=1e-9)
-    assert found.violation == pytest.approx(worst(found.turn_rates), abs=1e-9)
+    assert found.primal_residual == pytest.approx(min(broken.values()), abs=1e-9)
+    assert found.primal_residual == pytest.approx(worst(found.x), abs=1e-9)

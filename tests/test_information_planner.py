@@ -94,12 +94,12 @@ def test_decision_is_the_first_turn_of_the_search_it_describes():
     )
     decision = mine.plan(pose, auvs, time=5.0)
     assert (decision.turn_rate, decision.score, decision.status) == (
-        found.turn_rates[0],
-        found.score,
+        found.x[0],
+        found.objective,
         Status.OPTIMAL,
     )
     flown = [np.array([10.0, -4.0, 0.8])]
-    for turn, duration in zip(found.turn_rates, stages.duration, strict=True):
+    for turn, duration in zip(found.x, stages.duration, strict=True):
         flown.append(arc(flown[-1], turn, 2.0, duration))
     np.testing.assert_allclose(decision.path, flown, atol=1e-9)
 

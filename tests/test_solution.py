@@ -38,3 +38,19 @@ def test_a_missing_solution_carries_its_status_and_no_number():
             missing.duality_gap,
         ]
     ).all()
+
+
+def test_advice_is_the_solvers_own_where_it_knows_more_and_general_elsewhere():
+    own = {Status.INFEASIBLE: "widen the corridor"}
+    infeasible, optimal = (
+        Solution(x=np.zeros(1), objective=0.0, status=status, remedies=own)
+        for status in (Status.INFEASIBLE, Status.OPTIMAL)
+    )
+    assert infeasible.advice == "widen the corridor"
+    assert optimal.advice == Status.OPTIMAL.advice
+
+
+@pytest.mark.parametrize("status", Status)
+def test_general_advice_names_no_option_that_only_one_planner_has(status):
+    for option in ("closed form", "largest radius", "centre distance", "fatrop", "IPOPT"):
+        assert option not in status.advice

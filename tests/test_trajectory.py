@@ -12,9 +12,9 @@ from scipy.optimize import minimize
 
 from formulations.model.covariance import Ranging
 from formulations.solution import Status
-from formulations.trajectory import Controls, Limits, Task, convex_areas, optimise
-from formulations.trajectory.ladder import TOLERANCE
+from formulations.trajectory import Controls, PathLimits, Task, convex_areas, freer_side, optimise
 from formulations.trajectory.program import Program, program
+from formulations.trajectory.search import TOLERANCE
 
 DISC = np.array([2.5, 1.0, 1.0])
 SPEED, LIMIT, RADIUS = 1.0, 2.0, 0.5
@@ -87,7 +87,7 @@ def true_limits(task, shape=None, velocities=0.0):
         left = RADIUS * np.stack([-np.sin(poses[:, 2]), np.cos(poses[:, 2])], axis=-1)
         return fixed(np.stack([poses[:, :2] + left, poses[:, :2] - left], axis=1)) + RADIUS
 
-    return Limits(along, after)
+    return PathLimits(along, after)
 
 
 def positions(task, rates, time, speeds=None):
@@ -143,15 +143,13 @@ def test_score_is_that_of_the_gramian_by_quadrature_along_the_arcs_of_the_turns(
         greatest=8.0,
     )
     found = optimise(task, objective, limits=true_limits(task, velocities=v))
-    W = true_gramians(task, found.turn_rates, v)
+    W = true_gramians(task, found.x[:, 0], v)
     assert found.status == Status.OPTIMAL
-    assert found.score == pytest.approx(
+    assert found.objective == pytest.approx(
         score_of(objective, W), abs=1e-4
     )  # Simpson: (u h / 2)^4 / 180 = 2e-5 of W at the limit
     np.testing.assert_allclose(found.condition, np.linalg.cond(W), rtol=3e-4)
-    np.testing.assert_allclose(
-        found.poses[-1, :2], positions(task, found.turn_rates, 5.0), atol=1e-9
-    )
+    np.testing.assert_allclose(found.poses[-1, :2], positions(task, found.x[:, 0], 5.0), atol=1e-9)
 
 
 def updated(P, x, ranging, pings):
@@ -208,7 +206,7 @@ def test_covariance_score_is_that_of_a_kalman_filter_with_the_second_order_error
     task = task._replace(ranging=Ranging(1.3, squared))
     found = optimise(task, "covariance")
     assert found.status == Status.OPTIMAL
-    assert found.score == pytest.approx(covariance_score(task, found.turn_rates), rel=1e-9)
+    assert found.objective == pytest.approx(covariance_score(task, found.x[:, 0]), rel=1e-9)
     assert np.isnan(found.condition).all()
 
 
@@ -246,8 +244,8 @@ def test_three_turns_are_the_best_of_a_grid_polished_by_slsqp(objective, motion)
     assert found.status == Status.OPTIMAL
     best = brute(score, count=5 if objective == "covariance" else 9)
     # the smallest eigenvalue is rounded off by 1e-3 where it is double, which moves the optimum to second order
-    assert found.score <= best + (2e-3 if objective == "smallest-eigenvalue" else 1e-6)
-    assert found.score == pytest.approx(score(found.turn_rates), abs=1e-9)
+    assert found.objective <= best + (2e-3 if objective == "smallest-eigenvalue" else 1e-6)
+    assert found.objective == pytest.approx(score(found.x[:, 0]), abs=1e-9)
 
 
 # Limits
@@ -303,10 +301,11 @@ def test_whole_path_keeps_within_every_limit_and_ends_where_it_can_turn_for_ever
         task = task_of(
             (x, y, rng.uniform(-3, 3)), [(0.0, 0.0)], velocities=v, least=0.7, greatest=6.5, **areas
         )
-        found = optimise(task, objective, limits=true_limits(task, free, v))
+        limits = true_limits(task, free, v)
+        found = optimise(task, objective, limits=limits)
         assert found.status == Status.OPTIMAL
         times = np.linspace(0, 5, 401)
-        path = np.array([positions(task, found.turn_rates, t) for t in times])
+        path = np.array([positions(task, found.x[:, 0], t) for t in times])
         clear = np.where(
             shapely.contains(free, shapely.points(path)),
             shapely.distance(free.boundary, shapely.points(path)),
@@ -317,7 +316,9 @@ def test_whole_path_keeps_within_every_limit_and_ends_where_it_can_turn_for_ever
         assert nearest > -1e-3
         active += nearest < 0.1
         end = found.poses[-1]
-        center = end[:2] + found.side * RADIUS * np.array([-np.sin(end[2]), np.cos(end[2])])
+        center = end[:2] + freer_side(limits.terminal(end[None])) * RADIUS * np.array(
+            [-np.sin(end[2]), np.cos(end[2])]
+        )
         assert free.buffer(1e-6).contains(shapely.Point(center).buffer(RADIUS))
     assert active >= 2  # it is no test if nothing is in the way
 
@@ -329,12 +330,12 @@ def test_turn_rate_its_change_and_the_speed_stay_within_their_limits():
     )
     found = optimise(task, "log-det", limits=true_limits(task))
     assert found.status == Status.OPTIMAL
-    assert np.abs(np.diff(found.turn_rates, prepend=-0.4)).max() <= 0.15 + 1e-9
-    assert np.all(np.abs(found.turn_rates) <= found.speeds / RADIUS + 1e-9)
-    assert found.speeds.min() >= 0.4 - 1e-12
-    assert found.speeds.max() <= 1.0 + 1e-12
-    assert np.ptp(found.turn_rates) > 0.5  # they do change
-    far = positions(task, found.turn_rates, 5.0, found.speeds)
+    assert np.abs(np.diff(found.x[:, 0], prepend=-0.4)).max() <= 0.15 + 1e-9
+    assert np.all(np.abs(found.x[:, 0]) <= found.x[:, 1] / RADIUS + 1e-9)
+    assert found.x[:, 1].min() >= 0.4 - 1e-12
+    assert found.x[:, 1].max() <= 1.0 + 1e-12
+    assert np.ptp(found.x[:, 0]) > 0.5  # they do change
+    far = positions(task, found.x[:, 0], 5.0, found.x[:, 1])
     np.testing.assert_allclose(found.poses[-1, :2], far, atol=1e-9)
 
 
@@ -343,15 +344,15 @@ def test_slower_is_taken_where_slower_is_better():
         (3.0, 0.0, 0.0), [(0.0, 0.0)], speed=(0.2, 1.0), greatest=3.45, N=8
     )  # a full turn at full speed needs 0.5 m
     free = optimise(task, "covariance", limits=true_limits(task))
-    assert free.speeds.min() < 0.9
-    assert free.violation <= TOLERANCE
+    assert free.x[:, 1].min() < 0.9
+    assert free.primal_residual <= TOLERANCE
 
 
 def test_limits_that_cannot_be_kept_are_softened_and_the_status_says_so():
     far = task_of((30.0, 0.0, 1.0), [(0.0, 0.0)], greatest=8.0)
     found = optimise(far, "log-det", limits=true_limits(far))
     assert found.status == Status.SOFTENED
-    assert found.violation > 15.0
+    assert found.primal_residual > 15.0
     assert np.hypot(*found.poses[-1, :2]) < 26.0  # 5 m nearer, less the turn
     inside = task_of((2.5, 1.2, 0.0), [(0.0, 0.0)], discs=[DISC])
     found = optimise(inside, "log-det", limits=true_limits(inside, room(discs=[DISC])))
@@ -359,7 +360,7 @@ def test_limits_that_cannot_be_kept_are_softened_and_the_status_says_so():
     assert np.hypot(*(found.poses[6, :2] - DISC[:2])) > 1.0  # left after 1.5 s at most
 
 
-# The ladder
+# The fallbacks
 
 
 def example():
@@ -378,7 +379,7 @@ def only(solve, when):
     return solving
 
 
-RUNGS = {
+ATTEMPTS = {
     Status.OPTIMAL: lambda _call, _solver: True,
     Status.RESTARTED: lambda call, _solver: call > 0,
     Status.SECOND_SOLVER: lambda _call, solver: solver == "ipopt",
@@ -386,23 +387,23 @@ RUNGS = {
 }
 
 
-@pytest.mark.parametrize("status", RUNGS)
-def test_each_rung_is_named_and_no_worse_than_the_best_manoeuvre(status, monkeypatch):
+@pytest.mark.parametrize("status", ATTEMPTS)
+def test_each_attempt_is_named_and_no_worse_than_the_best_manoeuvre(status, monkeypatch):
     task, limits = example()
     first = optimise(task, "log-det", limits=limits)
-    monkeypatch.setattr(Program, "solve", only(Program.solve, RUNGS[status]))
-    found = optimise(task, "log-det", limits=limits, last=Controls(first.turn_rates, first.speeds))
+    monkeypatch.setattr(Program, "solve", only(Program.solve, ATTEMPTS[status]))
+    found = optimise(task, "log-det", limits=limits, last=Controls(*first.x.T))
     assert found.status == status
-    assert found.violation <= TOLERANCE
+    assert found.primal_residual <= TOLERANCE
     if status == Status.BEST_MANOEUVRE:
         np.testing.assert_allclose(
-            found.turn_rates, first.turn_rates, atol=1e-12
+            found.x[:, 0], first.x[:, 0], atol=1e-12
         )  # the last trajectory is a manoeuvre too
         assert (
-            optimise(task, "log-det", limits=limits).score > first.score
+            optimise(task, "log-det", limits=limits).objective > first.objective
         )  # without it one of the simple ones
     else:
-        assert found.score == pytest.approx(first.score, abs=1e-5)
+        assert found.objective == pytest.approx(first.objective, abs=1e-5)
 
 
 def test_answer_through_a_keep_out_or_worse_than_the_manoeuvre_is_not_taken(monkeypatch):
@@ -413,7 +414,7 @@ def test_answer_through_a_keep_out_or_worse_than_the_manoeuvre_is_not_taken(monk
         monkeypatch.setattr(Program, "solve", lambda *_, lie=lie: Controls(lie, np.ones(20)))
         found = optimise(asked, "log-det", limits=true_limits(asked, room(discs=[DISC])))
         assert found.status == Status.BEST_MANOEUVRE
-        assert found.violation <= TOLERANCE
+        assert found.primal_residual <= TOLERANCE
 
 
 def test_where_nothing_keeps_the_limits_and_no_solver_answers_the_least_violating_manoeuvre_is_taken(
@@ -423,10 +424,10 @@ def test_where_nothing_keeps_the_limits_and_no_solver_answers_the_least_violatin
     inside = task_of((2.5, 1.2, 0.0), [(0.0, 0.0)], discs=[DISC])
     found = optimise(inside, "log-det", limits=true_limits(inside, room(discs=[DISC])))
     assert found.status == Status.VIOLATED
-    assert found.violation > 0.5
+    assert found.primal_residual > 0.5
 
 
-def test_solver_that_raises_is_a_failed_rung(monkeypatch):
+def test_solver_that_raises_is_a_failed_attempt(monkeypatch):
     def broken(**_):
         raise RuntimeError
 
@@ -472,4 +473,4 @@ def test_a_hundred_moving_auvs_are_planned_for_by_those_that_count_most(objectiv
     task = task_of((2.0, -3.0, 0.7), crowd, velocities=v, N=6, least=0.2)
     found = optimise(task, objective, limits=true_limits(task, velocities=v))
     assert found.status in (Status.OPTIMAL, Status.BEST_MANOEUVRE)
-    assert found.violation <= TOLERANCE
+    assert found.primal_residual <= TOLERANCE

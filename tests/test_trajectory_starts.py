@@ -6,7 +6,7 @@ import pytest
 from test_trajectory import DISC, LIMIT, RADIUS, task_of
 
 from formulations.solution import Status
-from formulations.trajectory import Limits, optimise
+from formulations.trajectory import PathLimits, optimise
 
 STAGES, STEP = 20, 0.25
 LEAST, GREATEST = 0.5, 8.0
@@ -46,7 +46,7 @@ def disc_limits():
             [off(ends[:, :2] + side * left, DISC[2] + RADIUS) for side in (1, -1)], axis=-1
         )
 
-    return Limits(along, after)
+    return PathLimits(along, after)
 
 
 def single_shooting():
@@ -119,6 +119,6 @@ def test_nearly_every_start_is_accepted_at_once_and_ends_at_the_best_known_optim
         found = optimise(task, "log-det", limits=disc_limits())
         assert found.status in {Status.OPTIMAL, Status.SECOND_SOLVER, Status.BEST_MANOEUVRE}
         accepted += found.status == Status.OPTIMAL
-        best += found.score <= best_known(solver, pose, [*guesses, found.turn_rates]) + SAME
+        best += found.objective <= best_known(solver, pose, [*guesses, found.x[:, 0]]) + SAME
     assert accepted >= 48
     assert best >= 45

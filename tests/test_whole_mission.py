@@ -9,10 +9,10 @@ from oracles import arc
 
 from formulations.model.covariance import Ranging
 from formulations.solution import Status
-from formulations.whole_mission import Mission, optimise
+from formulations.whole_mission import Problem, optimise
 from formulations.whole_mission.covariance import PredictedVariance
 from formulations.whole_mission.path import Turns
-from formulations.whole_mission.search import Objective, Try, rank
+from formulations.whole_mission.search import Candidate, Objective, rank
 from formulations.whole_mission.starts import starts
 
 RNG = np.random.default_rng
@@ -44,7 +44,7 @@ def mission(*, steps=60, auvs=2, every=5, squared=False, seed=0, **change):
         "cna_speed": 2.0,
         "max_turn_rate": 0.3,
     }
-    return Mission(**{**given, **change})
+    return Problem(**{**given, **change})
 
 
 def followed(m, w, hold):
@@ -157,12 +157,10 @@ def test_plan_is_no_worse_than_any_start_and_keeps_the_turning_limit():
     plan = optimise(m, hold=4, count=20, random=RNG(5))
     begun = list(starts(Turns(m, 4), RNG(5), None))
     scores = [PredictedVariance(m)(followed(m, w, 4)[m.stages.end, :2])[0] for w in begun]
-    assert plan.score <= min(scores)
-    assert np.abs(plan.turn_rates).max() <= m.max_turn_rate
-    assert plan.score == pytest.approx(
-        PredictedVariance(m)(followed(m, plan.turn_rates / m.max_turn_rate, 4)[m.stages.end, :2])[
-            0
-        ],
+    assert plan.objective <= min(scores)
+    assert np.abs(plan.x).max() <= m.max_turn_rate
+    assert plan.objective == pytest.approx(
+        PredictedVariance(m)(followed(m, plan.x / m.max_turn_rate, 4)[m.stages.end, :2])[0],
         rel=1e-9,
     )
     assert plan.status in (Status.OPTIMAL, Status.INACCURATE)
@@ -170,7 +168,7 @@ def test_plan_is_no_worse_than_any_start_and_keeps_the_turning_limit():
 
 def test_more_descents_are_never_worse():
     m = mission(steps=90, seed=3)
-    scores = [optimise(m, hold=4, count=count, random=RNG(5)).score for count in (1, 8, 22)]
+    scores = [optimise(m, hold=4, count=count, random=RNG(5)).objective for count in (1, 8, 22)]
     assert scores == sorted(scores, reverse=True)
 
 
@@ -194,15 +192,15 @@ def test_small_mission_is_planned_as_well_as_a_large_one():
         optimise(m, hold=4, count=4, random=RNG(5))
         for m in (mission(seed=4), shrunk(mission(seed=4), 1e-3))
     )
-    assert small_one.score == pytest.approx(1e-6 * large.score, rel=1e-4)
+    assert small_one.objective == pytest.approx(1e-6 * large.objective, rel=1e-4)
 
 
 def test_violations_alike_are_ranked_by_score_but_none_comes_first():
     tried = [
-        Try(np.zeros(1), Status.OPTIMAL, broken, score)
+        Candidate(np.zeros(1), Status.OPTIMAL, broken, score)
         for broken, score in ((5.0002, 2.0), (5.0004, 1.0), (6.0, 0.5), (2e-4, 9.0))
     ]
-    kept = Try(np.zeros(1), Status.OPTIMAL, 0.0, 10.0)
+    kept = Candidate(np.zeros(1), Status.OPTIMAL, 0.0, 10.0)
     assert sorted([*tried, kept], key=rank) == [kept, tried[3], tried[1], tried[0], tried[2]]
 
 
@@ -237,7 +235,7 @@ def test_plan_about_an_auv_at_rest_sees_it_at_right_angles_and_beats_every_circl
         10.0 / (np.pi / 2), abs=0.5
     )  # a quarter of a turn between ranges; 0.5: farther off, the sagitta is less
     plan = optimise(moored(best), hold=5, count=19, random=RNG(6))
-    assert plan.score <= min(scores) * (1 + 1e-3)  # of the rules of integration
-    sight = followed(moored(best), plan.turn_rates / 0.5, 5)[10::10, :2]
+    assert plan.objective <= min(scores) * (1 + 1e-3)  # of the rules of integration
+    sight = followed(moored(best), plan.x / 0.5, 5)[10::10, :2]
     turned = np.diff(np.unwrap(np.arctan2(sight[:, 1], sight[:, 0])))
     assert np.degrees(np.median(np.arccos(np.abs(np.cos(turned))))) > 75.0

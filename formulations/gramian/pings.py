@@ -7,7 +7,6 @@ had turned by then, Δ(f + s) = a + R Δ(s), so that the sums over s = kτ, whic
 factor τ makes the sum an integral by the rectangle rule: as τ goes to 0 the moments become those of `range`, of the same unit.
 """
 
-from math import comb
 from typing import Any
 
 import casadi as ca
@@ -36,53 +35,55 @@ def ping_moments(
         raise ValueError(f"time between pings must be finite and positive [s], got {interval}")
     if count < 1:
         raise ValueError(f"number of pings must be at least 1, got {count}")
-    one, m1, m2, m11, m12, m22 = (
+    shifted = [
         _shifted(sums, first) for sums in _sums_from_a_ping(speed, turn_rates, interval, count)
-    )
-    a1, a2, c, s = _first_arc(speed, turn_rates, first)
-    b1, b2 = (
-        [c * x - s * y for x, y in zip(m1, m2, strict=True)],
-        [s * x + c * y for x, y in zip(m1, m2, strict=True)],
-    )
-    return DisplacementMoments(
-        one=one,
-        d1=[a1 * n + x for n, x in zip(one, b1, strict=True)],
-        d2=[a2 * n + y for n, y in zip(one, b2, strict=True)],
-        d11=[
-            a1 * a1 * one[j] + 2 * a1 * b1[j] + c * c * m11[j] - 2 * c * s * m12[j] + s * s * m22[j]
-            for j in range(3)
-        ],
-        d12=[
-            a1 * a2 * one[j]
-            + a1 * b2[j]
-            + a2 * b1[j]
-            + c * s * (m11[j] - m22[j])
-            + (c * c - s * s) * m12[j]
-            for j in range(3)
-        ],
-        d22=[
-            a2 * a2 * one[j] + 2 * a2 * b2[j] + s * s * m11[j] + 2 * c * s * m12[j] + c * c * m22[j]
-            for j in range(3)
-        ],
-    )
+    ]
+    moved = _first_arc(speed, turn_rates, first)
+    moments = DisplacementMoments([], [], [], [], [], [])
+    for sums in zip(*shifted, strict=True):  # of one power of t
+        for moment, value in zip(moments, _turned(sums, moved), strict=True):
+            moment.append(value)
+    return moments
+
+
+def _turned(sums: tuple[Expression, ...], moved: tuple[Expression, ...]) -> tuple[Expression, ...]:
+    """Sums of 1, Δ1, Δ2, Δ1², Δ1Δ2, Δ2² along an arc, from those of the arc after its first part.
+
+    ``moved``: displacement by then, and cosine and sine of the turn.
+    """
+    one, m1, m2, m11, m12, m22 = sums
+    a1, a2, c, s = moved
+    b1 = c * m1 - s * m2
+    b2 = s * m1 + c * m2
+    b11 = c * c * m11 - 2 * c * s * m12 + s * s * m22
+    b12 = c * s * (m11 - m22) + (c * c - s * s) * m12
+    b22 = s * s * m11 + 2 * c * s * m12 + c * c * m22
+    d11 = a1 * a1 * one + 2 * a1 * b1 + b11
+    d12 = a1 * a2 * one + a1 * b2 + a2 * b1 + b12
+    d22 = a2 * a2 * one + 2 * a2 * b2 + b22
+    return one, a1 * one + b1, a2 * one + b2, d11, d12, d22
 
 
 def _sums_from_a_ping(
     speed: float, turn_rates: Float[np.ndarray, " K"], interval: float, count: int
 ) -> Float[np.ndarray, "6 3 K"]:
     """Moments of an arc that begins at a ping."""
-    time = interval * np.arange(count)[:, None]
-    d1, d2, _ = np.moveaxis(arcs(np.zeros(3), turn_rates, speed, time[:, 0]), -1, 0).swapaxes(1, 2)
-    powers = interval * np.stack([time**0, time, time**2])
-    return np.stack(
-        [np.sum(powers * d, axis=1) for d in (np.ones_like(d1), d1, d2, d1 * d1, d1 * d2, d2 * d2)]
-    )
+    time = interval * np.arange(count)
+    poses = arcs(np.zeros(3), turn_rates, speed, time)
+    d1, d2 = poses[..., 0].T, poses[..., 1].T
+    powers = interval * np.stack([time**0, time, time**2])[..., None]
+    products = np.ones_like(d1), d1, d2, d1 * d1, d1 * d2, d2 * d2
+    return np.stack([np.sum(powers * product, axis=1) for product in products])
 
 
 def _shifted(sums: Float[np.ndarray, "3 K"], first: Expression) -> list[Expression]:
     """Sums of (first + s)^j from those of s^j, as columns."""
-    columns = [ca.DM(row) for row in sums]
-    return [sum(comb(j, i) * first ** (j - i) * columns[i] for i in range(j + 1)) for j in range(3)]
+    zeroth, linear, square = (ca.DM(row) for row in sums)
+    return [
+        zeroth,
+        first * zeroth + linear,
+        first**2 * zeroth + 2 * first * linear + square,
+    ]
 
 
 def _first_arc(

@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..metrics import BLEND_WEIGHT, position_schur_expression, score_expression
+from ..model.casadi import matrix
 from ..model.frames import to_body, turn_matrix
 
 VARIANTS = ("exact", "thesis")
@@ -71,15 +72,12 @@ def displacement_moments(
         _moments_by_series(np.where(short, z, 0.0)),
         _moments_by_parts(np.where(short, SERIES_LIMIT, z)),
     )
+    order = np.arange(1.0, 4.0)[:, None]
+    time = horizon**order
+    one = np.repeat(time / order, len(z), axis=1)
     reach = speed * horizon
-    scale = (
-        np.array([reach, reach, reach**2, reach**2, reach**2])[:, None, None]
-        * horizon ** np.arange(1.0, 4.0)[:, None]
-    )
-    one = np.repeat(
-        horizon ** np.arange(1.0, 4.0)[:, None] / np.arange(1.0, 4.0)[:, None], len(z), axis=1
-    )
-    return DisplacementMoments(one, *(unit * scale))
+    lengths = np.array([reach, reach, reach**2, reach**2, reach**2])
+    return DisplacementMoments(one, *(unit * (lengths[:, None, None] * time)))
 
 
 def _moments_by_parts(z: Float[np.ndarray, " K"]) -> Float[np.ndarray, "5 3 K"]:
@@ -92,10 +90,14 @@ def _moments_by_parts(z: Float[np.ndarray, " K"]) -> Float[np.ndarray, "5 3 K"]:
         return np.stack([e0, e1, (turned - 2.0 * e1) / (1j * z)])
 
     single, double = integrate(z), integrate(2.0 * z)
-    cos1, sin1, cos2, sin2 = np.real(single), np.imag(single), np.real(double), np.imag(double)
+    cos1, sin1 = np.real(single), np.imag(single)
+    cos2, sin2 = np.real(double), np.imag(double)
     one = 1.0 / np.arange(1.0, 4.0)[:, None]
+    sin_sin = (one - cos2) / 2
+    sin_versine = sin1 - sin2 / 2
+    versine_versine = 1.5 * one - 2 * cos1 + cos2 / 2
     first = np.stack([sin1, one - cos1]) / z
-    second = np.stack([(one - cos2) / 2, sin1 - sin2 / 2, 1.5 * one - 2 * cos1 + cos2 / 2]) / z**2
+    second = np.stack([sin_sin, sin_versine, versine_versine]) / z**2
     return np.concatenate([first, second])
 
 
@@ -109,17 +111,13 @@ def _series_coefficients() -> Float[np.ndarray, "5 3 N"]:
     """Integrate sin θ, 1 - cos θ and their products term by term, θ = zs, times s^k; over z, the products over z²."""
     n = np.arange(SERIES_TERMS + 2)
     sign, even, doubled = (-1.0) ** (n // 2), n % 2 == 0, 2.0 ** (n - 1.0)
-    taylor = np.stack(
-        [
-            np.where(even, 0.0, sign),  # sin θ
-            np.where(even & (n >= 2), -sign, 0.0),  # 1 - cos θ
-            np.where(even & (n >= 2), -sign * doubled, 0.0),  # sin² θ = (1 - cos 2θ) / 2
-            np.where(even, 0.0, sign * (1.0 - doubled)),  # sin θ (1 - cos θ) = sin θ - sin 2θ / 2
-            np.where(
-                even & (n >= 4), sign * (doubled - 2.0), 0.0
-            ),  # (1 - cos θ)² = 3/2 - 2 cos θ + cos 2θ / 2
-        ]
-    )
+    sin = np.where(even, 0.0, sign)
+    versine = np.where(even & (n >= 2), -sign, 0.0)  # 1 - cos θ
+    sin_sin = np.where(even & (n >= 2), -sign * doubled, 0.0)  # (1 - cos 2θ) / 2
+    sin_versine = np.where(even, 0.0, sign * (1.0 - doubled))  # sin θ - sin 2θ / 2
+    # 3/2 - 2 cos θ + cos 2θ / 2
+    versine_versine = np.where(even & (n >= 4), sign * (doubled - 2.0), 0.0)
+    taylor = np.stack([sin, versine, sin_sin, sin_versine, versine_versine])
     factorial = np.cumprod(np.maximum(n, 1), dtype=float)
     integrated = taylor[:, None, :] / factorial / (n + np.arange(1, 4)[:, None])
     return np.concatenate([integrated[:2, :, 1:-1], integrated[2:, :, 2:]])
@@ -143,18 +141,16 @@ def gramian_entries(
         [m[:, None] if isinstance(m, np.ndarray) else m for m in moment] for moment in moments
     )
     x1, x2 = x
-    first, second, q11, q12, q22 = (
-        [x1],
-        [x2],
-        [x1 * x1],
-        [x1 * x2],
-        [x2 * x2],
-    )  # coefficients of t^0 of x - vt and its products
+    # coefficients of 1, t and t² of x - vt and its products; of 1 alone at rest
+    first, second = [x1], [x2]
+    q11, q12, q22 = [x1 * x1], [x1 * x2], [x2 * x2]
     if v is not None:
         v1, v2 = v
-        first, second = [x1, -v1], [x2, -v2]
-        q11, q22 = [x1 * x1, -2.0 * x1 * v1, v1 * v1], [x2 * x2, -2.0 * x2 * v2, v2 * v2]
-        q12 = [x1 * x2, -x1 * v2 - x2 * v1, v1 * v2]
+        first += [-v1]
+        second += [-v2]
+        q11 += [-2.0 * x1 * v1, v1 * v1]
+        q12 += [-x1 * v2 - x2 * v1, v1 * v2]
+        q22 += [-2.0 * x2 * v2, v2 * v2]
     heading, output = variances
     gain = 4.0 / output
     w11 = gain * (_dot(one, q11) + 2.0 * _dot(d1, first) + d11[0])
@@ -171,9 +167,8 @@ def gramian_entries(
 
 def _dot(moments: list[Array], coefficients: list[Array]) -> Array:
     """Sum moment k, a column over candidates, times coefficient k, a row over AUVs."""
-    return sum(
-        m @ c for m, c in zip(moments, coefficients, strict=False)
-    )  # fewer coefficients: an AUV at rest
+    pairs = zip(moments, coefficients, strict=False)  # fewer coefficients: an AUV at rest
+    return sum(moment @ coefficient for moment, coefficient in pairs)
 
 
 def _check_model(variant: str, variances: tuple[float, float]) -> None:
@@ -214,13 +209,12 @@ def range_gramians(
     body = partial(to_body, np.cos(heading), np.sin(heading))
     moments = displacement_moments(speed, turn_rates, horizon)
     v = None if velocities is None else body(velocities.T[:1], velocities.T[1:])
+    x = body(positions.T[:1], positions.T[1:])
     w11, w12, w13, w22, w23, w33 = gramian_entries(
-        moments, body(positions.T[:1], positions.T[1:]), v, variant=variant, variances=variances
+        moments, x, v, variant=variant, variances=variances
     )
-    W = np.stack(
-        [np.stack(row, axis=-1) for row in ((w11, w12, w13), (w12, w22, w23), (w13, w23, w33))],
-        axis=-2,
-    )
+    rows = (w11, w12, w13), (w12, w22, w23), (w13, w23, w33)
+    W = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
     turn = np.eye(3)
     turn[:2, :2] = turn_matrix(heading).T
     W = turn @ W @ turn.T
@@ -258,12 +252,10 @@ def range_gramian_function(n_auvs: int, *, moving: bool = False, **options) -> c
 
     Options are those of ``range_score_expression``. Read it through ``buffer()``; matrices are stored by columns.
     """
-    # MX: each of some 250 operations runs over the whole K x M matrix, two to four times as fast as SX scalar by scalar
-    pose, positions, velocities = (
-        ca.MX.sym("pose", 3),
-        ca.MX.sym("positions", n_auvs, 2),
-        ca.MX.sym("velocities", n_auvs, 2),
-    )
-    scores = range_score_expression(pose, positions, velocities if moving else None, **options)
-    inputs = {"pose": pose, "positions": positions} | ({"velocities": velocities} if moving else {})
+    # Each of some 250 operations runs over the whole K x M matrix, two to four times as fast as
+    # scalar by scalar.
+    inputs = {"pose": matrix("pose", 3), "positions": matrix("positions", n_auvs, 2)}
+    if moving:
+        inputs["velocities"] = matrix("velocities", n_auvs, 2)
+    scores = range_score_expression(*inputs.values(), **options)
     return ca.Function("range_gramian", [*inputs.values()], [ca.cse(scores)], [*inputs], ["scores"])

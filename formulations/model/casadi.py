@@ -35,8 +35,13 @@ log = logging.getLogger("obsplan")
 
 
 def symbol(name: str, rows: int = 1, columns: int = 1) -> SX:
-    """A matrix of symbols."""
+    """A matrix of symbols, each a number of its own."""
     return ca.SX.sym(name, rows, columns)  # pyright: ignore[reportArgumentType, reportCallIssue]
+
+
+def matrix(name: str, rows: int = 1, columns: int = 1) -> Any:
+    """A symbol that is a matrix as a whole: an operation is one pass over all its entries."""
+    return ca.MX.sym(name, rows, columns)  # pyright: ignore[reportArgumentType, reportCallIssue]
 
 
 def evaluate(

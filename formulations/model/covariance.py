@@ -1,22 +1,28 @@
 r"""What AUVs know of themselves: covariances predicted between ranges, and conditioned on ranges.
 
-State of an AUV: (east, north [m], heading [rad], speed through the water [m/s]). Over a stage of h seconds at heading ψ and speed V
+State of an AUV: (east, north [m], heading [rad], speed through the water [m/s]). Over a stage of h
+seconds at heading ψ and speed V
 
-.. math:: P \leftarrow F P F^\top + Q h + (A Q + Q A^\top) \tfrac{h^2}{2} + A Q A^\top \tfrac{h^3}{3}, \quad F = I + A h,
+.. math:: P \leftarrow F P F^\top + Q h + (A Q + Q A^\top) \tfrac{h^2}{2}
+          + A Q A^\top \tfrac{h^3}{3}, \quad F = I + A h,
 
-A having the columns (-V sin ψ, V cos ψ) and (cos ψ, sin ψ) of the heading and the speed; A² = 0 makes it exact. The heading's own variance
-stays as it is: the compass makes up for its drift. At the stage's end n ranges of variance σ² bring, along the line of sight u with
-v normal to it and d the distance,
+A having the columns (-V sin ψ, V cos ψ) and (cos ψ, sin ψ) of the heading and the speed; A² = 0
+makes it exact. The heading's own variance stays as it is: the compass makes up for its random walk.
+At the stage's end n ranges of variance σ² bring, along the line of sight u with v normal to it and
+d the distance,
 
-.. math:: P \leftarrow (P^{-1} + u u^\top / R)^{-1}, \quad R = \sigma^2 / n + \tfrac{3}{4} (v^\top P v / d)^2.
+.. math:: P \leftarrow (P^{-1} + u u^\top / R)^{-1}, \quad
+          R = \sigma^2 / n + \tfrac{3}{4} (v^\top P v / d)^2.
 
-The second term is the mean square of the range's second-order error, which the filter neglects and which repeated ranges share; it keeps
-the aid vehicle away from an AUV that is closer than it is sure of. (Jazwinski 1970, section 9.3: second-order filters.) A squared range's
-is :math:`(\operatorname{tr} P)^2 + 2 \operatorname{tr} P^2`, that of the squared length of a Gaussian vector.
+The second term is the mean square of the range's second-order error, which the filter neglects and
+which repeated ranges share; it keeps the aid vehicle away from an AUV that is closer than it is
+sure of. (Jazwinski 1970, section 9.3: second-order filters.) A squared range's is
+:math:`(\operatorname{tr} P)^2 + 2 \operatorname{tr} P^2`, that of the squared length of a Gaussian
+vector.
 """
 
 from functools import cache, lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -24,7 +30,8 @@ from jaxtyping import Float
 
 from .casadi import SX, of_each, symbol
 
-NEAREST = 1e-6  # unit of length; nearer ranges count as from there: from on top of an AUV they tell nothing
+# Unit of length; nearer ranges count as from there: from on top of an AUV they tell nothing.
+NEAREST = 1e-6
 
 
 class Ranging(NamedTuple):
@@ -43,7 +50,10 @@ class Tracks(NamedTuple):
 
 
 def symmetric(P: SX) -> SX:
-    """P with its upper triangle copied from the lower: rounding cannot make it lopsided, and half the work is saved."""
+    """P with its upper triangle copied from the lower.
+
+    Rounding cannot make it lopsided, and half the work is saved.
+    """
     return ca.tril2symm(ca.tril(ca.densify(P)))
 
 
@@ -85,31 +95,40 @@ def propagate(P: SX, F: SX, Q: SX) -> SX:
     return symmetric(F @ P @ F.T + Q)
 
 
-def predict(P: SX, course: SX, noise: SX, duration: SX) -> SX:
+def predict(P: SX, motion: SX, noise: SX, duration: SX) -> SX:
     """Covariance after a stage without ranges.
 
-    ``course``: cosine and sine of the heading, speed; ``noise``: standard deviations per square root of a second, the heading's without
-    effect.
+    ``motion``: cosine and sine of the heading, speed; ``noise``: standard deviations per square
+    root of a second, the heading's without effect.
     """
-    cos, sin, speed = ca.vertsplit(course)
+    cos, sin, speed = ca.vertsplit(motion)
     A = ca.SX(4, 4)
-    A[0, 2], A[1, 2], A[0, 3], A[1, 3] = -speed * sin, speed * cos, cos, sin
+    A[0, 2] = -speed * sin
+    A[1, 2] = speed * cos
+    A[0, 3] = cos
+    A[1, 3] = sin
     Q = ca.diag(ca.vertcat(noise[0] ** 2, noise[1] ** 2, 0, noise[3] ** 2))
     h = duration
-    grown = Q * h + (A @ Q + Q @ A.T) * (h**2 / 2) + A @ Q @ A.T * (h**3 / 3)
+    first_order = A @ Q + Q @ A.T
+    second_order = A @ Q @ A.T
+    grown = Q * h + first_order * (h**2 / 2) + second_order * (h**3 / 3)
     return propagate(P, ca.SX.eye(4) + A * h, grown)
 
 
-def deviation(sigma: SX, x: SX) -> SX:  # noqa: ARG001 - the one place where it would depend on it
-    """Standard deviation of a range, or squared range, from the relative position x: the same from everywhere."""
+def deviation(sigma: Any, x: Any) -> Any:  # noqa: ARG001 - the one place that would depend on it
+    """Standard deviation of a range, or squared range, from relative positions x.
+
+    ``sigma`` is what the sensor says, x (..., coordinates) where the ranging vehicle is, less where
+    the other is: expressions, numbers or arrays. It is the same from everywhere.
+    """
     return sigma
 
 
 def condition_on_range(P: SX, x: SX, *, sigma: SX, pings: SX, squared: bool) -> SX:
     """Covariance after a number of ranges, or none, from the relative position x; see the module.
 
-    P may hold the whole state or, for what becomes of the position alone, its first two components. ``sigma`` is what `deviation` makes a
-    standard deviation of.
+    P may hold the whole state or, for what becomes of the position alone, its first two components.
+    `deviation` makes a standard deviation of ``sigma``.
     """
     d2 = ca.fmax(ca.sumsqr(x), NEAREST**2)
     over = 1 / d2
@@ -129,12 +148,12 @@ def condition_on_range(P: SX, x: SX, *, sigma: SX, pings: SX, squared: bool) -> 
 
 def predicted(
     P: Float[np.ndarray, "*#batch 4 4"],
-    course: Float[np.ndarray, "*#batch 3"],
+    motion: Float[np.ndarray, "*#batch 3"],
     noise: Float[np.ndarray, "*#batch 4"],
     duration: float,
 ) -> Float[np.ndarray, "*batch 4 4"]:
     """`predict` of arrays."""
-    return of_each(_predict(), P, course, noise, np.asarray(duration))[0]
+    return of_each(_predict(), P, motion, noise, np.asarray(duration))[0]
 
 
 def conditioned(
@@ -148,7 +167,7 @@ def conditioned(
     return of_each(function, P, x, np.asarray(ranging.sigma), np.asarray(pings))[0]
 
 
-def courses(
+def motions(
     heading: Float[np.ndarray, "*batch"], speed: Float[np.ndarray, "*batch"]
 ) -> Float[np.ndarray, "*batch 3"]:
     """Headings [rad] and speeds as `predict` takes them."""
@@ -157,10 +176,10 @@ def courses(
 
 @cache
 def _predict() -> ca.Function:
-    P, course, noise, duration = (symbol("P", 4, 4), symbol("c", 3), symbol("q", 4), symbol("h"))
-    return ca.Function(
-        "predict", [P, course, noise, duration], [predict(P, course, noise, duration)]
-    )
+    P, motion = symbol("P", 4, 4), symbol("c", 3)
+    noise, duration = symbol("q", 4), symbol("h")
+    after = predict(P, motion, noise, duration)
+    return ca.Function("predict", [P, motion, noise, duration], [after])
 
 
 @cache

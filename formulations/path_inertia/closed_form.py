@@ -1,9 +1,12 @@
-"""Path inertia solved by hand: the turn that makes every AUV nearly as observable along the path as across it (thesis chapter 3).
+"""Path inertia solved by hand: the circle about AUVs that are as observable along it as across it.
 
-Everything here is written once in plain operators and accepts floats, numpy arrays (element by element) and CasADi expressions, so that a
-compiled planner, a batch study and a single decision run the same lines. Inputs are trusted: limits are checked where they are configured.
+Thesis chapter 3. Everything here is written once in plain operators and accepts floats, numpy
+arrays (element by element) and CasADi expressions, so that a compiled planner, a batch study and a
+single decision run the same lines. Inputs are trusted: limits are checked where they are
+configured.
 
-Conventions: x = (x1, x2) is the aid vehicle's position minus the AUV's [m]; a positive radius r or curvature k = 1/r turns left.
+Conventions: x = (x1, x2) is the aid vehicle's position minus the AUV's [m]; a positive radius r or
+curvature k = 1/r turns left.
 """
 
 import math
@@ -11,20 +14,29 @@ from typing import Any
 
 import numpy as np
 
+from ..model.frames import to_body
+
 Scalar = Any
 """A float, a numpy array or a CasADi expression."""
 
 
 def lateral_offset(x1: Scalar, x2: Scalar, heading: Scalar) -> Scalar:
     r"""Return b = sin ψ·x1 − cos ψ·x2 [m], how far the AUV lies to the left of the heading line."""
-    cos, sin = _cos_sin(heading)
-    return sin * x1 - cos * x2
+    _, lateral = offsets(x1, x2, heading)
+    return lateral
 
 
 def longitudinal_offset(x1: Scalar, x2: Scalar, heading: Scalar) -> Scalar:
     r"""Return s = cos ψ·x1 + sin ψ·x2 [m], how far the AUV lies behind; b² + s² is the squared distance."""
+    along, _ = offsets(x1, x2, heading)
+    return along
+
+
+def offsets(x1: Scalar, x2: Scalar, heading: Scalar) -> tuple[Scalar, Scalar]:
+    """Return s and b [m]: the AUV is s behind and b to the left of the aid vehicle."""
     cos, sin = _cos_sin(heading)
-    return cos * x1 + sin * x2
+    ahead, left = to_body(cos, sin, -x1, -x2)
+    return -ahead, left
 
 
 def circle_center(x1: Scalar, x2: Scalar, heading: Scalar, radius: Scalar) -> tuple[Scalar, Scalar]:
@@ -65,9 +77,8 @@ def path_inertia_curvature(
     The exact minimiser of Σ w κ(J) = 1 + 2 Σ w (d²k² − 2bk + 1), a convex quadratic, over a convex set: straight ahead (k = 0) is
     included and no rounding rule is needed. On top of every AUV (d = 0) each turn is as good as any other: straight on.
     """
-    free = mean_offset / (
-        mean_square_distance + (mean_square_distance == 0)
-    )  # 0 / 1 on top: the offset vanishes with the distance
+    # 0 / 1 on top of every AUV: the offset vanishes with the distance
+    free = mean_offset / (mean_square_distance + (mean_square_distance == 0))
     clipped = abs(free) * min_radius > 1
     side = (mean_offset >= 0) * 2 - 1
     return free * (1 - clipped) + side * clipped / min_radius, clipped

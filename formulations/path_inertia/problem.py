@@ -9,10 +9,20 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from formulations.path_inertia.closed_form import lateral_offset, longitudinal_offset
+from formulations.path_inertia.closed_form import lateral_offset, offsets
 from formulations.path_inertia.program import Side, TurnProgram, curvature_sides, radius_sides
 from formulations.path_inertia.solvers import SOLVERS
 from formulations.solution import Solution, Status
+
+REMEDIES = {
+    Status.INFEASIBLE: (
+        "no turn satisfies every limit; relax the largest radius, the largest centre distance "
+        "or the turning radius"
+    ),
+    Status.SOLVER_FAILED: (
+        "the solver failed and the closed form's turn is taken; check the scale of the problem"
+    ),
+}
 
 Objective = Literal["difference", "condition-number"]
 Solver = Literal["closed-form", "osqp", "clarabel", "cvxpy-osqp", "cvxpy-clarabel"]
@@ -48,18 +58,19 @@ class PathInertiaProblem:
 
     γ ≥ 0 weighs distance against observability in ``difference`` and has no part in the other, whose optimum already weighs them.
     ρ ≥ 0 is ``change_weight``: a number for radii, in m² for curvatures.
+
+    The turn is certified to ``tolerance``, relative to the largest of limit, offset and threshold,
+    or the status is ``INACCURATE``.
     """
 
     min_radius: float  # [m]
     gamma: float = 0.0
     change_weight: float = 0.0
     max_radius: float = math.inf  # [m]
-    max_center_distance: float | Sequence[float] = (
-        math.inf
-    )  # [m], for all AUVs or for each in their order
+    max_center_distance: float | Sequence[float] = math.inf  # [m], of all or of each in order
     objective: Objective = "difference"
     solver: Solver = "closed-form"
-    tolerance: float = 1e-6  # of the turn, relative to the largest of limit, offset and threshold; certified or Status.INACCURATE
+    tolerance: float = 1e-6  # of the turn, see below
     compiled: Any = field(init=False, repr=False, compare=False)  # the solver, set up
 
     def __post_init__(self):
@@ -73,7 +84,8 @@ class PathInertiaProblem:
                 )
         if self.max_radius < self.min_radius:
             raise ValueError(
-                f"max_radius {self.max_radius} m is below min_radius {self.min_radius} m: no turn is left, raise it"
+                f"max_radius {self.max_radius} m is below min_radius {self.min_radius} m: "
+                "no turn is left, raise it"
             )
         if not np.all(np.asarray(self.max_center_distance) > 0):
             raise ValueError(
@@ -85,11 +97,8 @@ class PathInertiaProblem:
             )
         if self.solver not in SOLVERS:
             raise ValueError(f"solver must be one of {', '.join(SOLVERS)}, got {self.solver!r}")
-        object.__setattr__(
-            self,
-            "compiled",
-            SOLVERS[self.solver](self.objective == "difference" and self.gamma > 0),
-        )
+        absolute = self.objective == "difference" and self.gamma > 0
+        object.__setattr__(self, "compiled", SOLVERS[self.solver](absolute))
 
     def solve(
         self,
@@ -101,13 +110,19 @@ class PathInertiaProblem:
     ) -> Solution:
         """Decide for the positions of the aid vehicle relative to each AUV [m] and its heading [rad].
 
-        Weights (≥ 0, all equal if not given) are normalised. ``last_radius`` is the signed radius turned before, infinite if straight; with
-        none (for radii: or an infinite one) there is no change to penalise. The solution's ``x`` is the signed radius or the curvature.
-        Raises ValueError for negative weights, a last radius of zero, and limits or weights that are not one per AUV.
+        Weights (≥ 0, all equal if not given) are normalised. ``last_radius`` is the signed radius
+        turned before, infinite if straight; with none (for radii: or an infinite one) there is no
+        change to penalise. The solution's ``x`` is the signed radius or the curvature.
+
+        Raises
+        ------
+        ValueError
+            Negative weights, a last radius of zero, limits or weights that are not one per AUV.
         """
         if last_radius == 0:
             raise ValueError(
-                "last_radius must not be zero: no vehicle turned so; leave it out before the first decision"
+                "last_radius must not be zero: no vehicle turned so; "
+                "leave it out before the first decision"
             )
         n = len(positions)
         shares = _equal_shares(n) if weights is None else _normalise(weights, n)
@@ -116,13 +131,12 @@ class PathInertiaProblem:
         total = float(np.vdot(positions, positions))
         if not math.isfinite(heading + total):  # a sum of squares: what is not finite stays
             return Solution.missing(Status.INVALID_INPUT)
-        center = (shares @ positions).tolist()
-        square_distance = (
-            total / n if weights is None else float(np.vdot(shares[:, None] * positions, positions))
-        )
-        offset = lateral_offset(
-            center[0], center[1], heading
-        )  # linear: the offset of the mean is the mean offset
+        x1, x2 = (shares @ positions).tolist()
+        offset = lateral_offset(x1, x2, heading)  # linear: that of the mean is the mean one
+        if weights is None:
+            square_distance = total / n
+        else:
+            square_distance = float(np.vdot(shares[:, None] * positions, positions))
         if self.objective == "difference":
             criterion = self._inertia_difference(offset, square_distance, last_radius)
         else:
@@ -130,7 +144,9 @@ class PathInertiaProblem:
         if not math.isfinite(criterion.center):
             return Solution.missing(Status.INVALID_INPUT)
         sides = self._turns(positions, heading)
-        return self._decide(criterion, sides) if sides else Solution.missing(Status.INFEASIBLE)
+        if not sides:
+            return Solution.missing(Status.INFEASIBLE, remedies=REMEDIES)
+        return self._decide(criterion, sides)
 
     def _inertia_difference(
         self, offset: float, square_distance: float, last_radius: float | None
@@ -149,10 +165,11 @@ class PathInertiaProblem:
     ) -> Criterion:
         rho, last = (0.0, 0.0) if last_radius is None else (self.change_weight, 1 / last_radius)
         half_curve = 2 * square_distance + rho
-        center = (
-            (2 * offset + rho * last) / half_curve if half_curve else 0.0
-        )  # on top of every AUV: straight on
-        return Criterion(center, 0.0, 2 * half_curve, 3 + rho * last**2 - half_curve * center**2)
+        center = 0.0  # on top of every AUV: straight on
+        if half_curve:
+            center = (2 * offset + rho * last) / half_curve
+        constant = 3 + rho * last**2 - half_curve * center**2
+        return Criterion(center, 0.0, 2 * half_curve, constant)
 
     def _turns(self, positions: Float[np.ndarray, "auvs 2"], heading: float) -> list[Side]:
         """Return what the limits leave of right and left turns, as radii or curvatures."""
@@ -162,67 +179,59 @@ class PathInertiaProblem:
             limits = np.asarray(limit, dtype=float)
             if limits.ndim and len(limits) != len(positions):
                 raise ValueError(
-                    f"max_center_distance has {len(limits)} values for {len(positions)} AUVs: give one each, or one for all"
+                    f"max_center_distance has {len(limits)} values for {len(positions)} AUVs: "
+                    "give one each, or one for all"
                 )
-            along = longitudinal_offset(positions[:, 0], positions[:, 1], heading)
-            offset = lateral_offset(positions[:, 0], positions[:, 1], heading)
-            room = limits**2 - along**2
-            if (room < 0).any():
+            along, offset = offsets(positions[:, 0], positions[:, 1], heading)
+            square_reach = limits**2 - along**2
+            if (square_reach < 0).any():
                 return []
-            reach = np.sqrt(room)
-            lower, upper = (
-                max(lower, float((offset - reach).max())),
-                min(upper, float((offset + reach).min())),
-            )
+            reach = np.sqrt(square_reach)
+            lower = max(lower, float((offset - reach).max()))
+            upper = min(upper, float((offset + reach).min()))
         sides = radius_sides(lower, upper, self.min_radius)
         return sides if self.objective == "difference" else curvature_sides(sides)
 
     def _decide(self, criterion: Criterion, sides: list[Side]) -> Solution:
         """Solve over the interval that spans both sides, then clip to one of them."""
-        hull = TurnProgram(
-            criterion.center, criterion.threshold, sides[0][0], sides[-1][1]
-        ).bounded()
+        center, threshold = criterion.center, criterion.threshold
+        hull = TurnProgram(center, threshold, sides[0][0], sides[-1][1]).bounded()
         point = self.compiled(hull)
         failed = not math.isfinite(point.x)
         if failed:
             point = hull.optimum()
-        side = TurnProgram(criterion.center, criterion.threshold, *hull.choose_side(point.x, sides))
-        x, reach = min(max(point.x, side.lower), side.upper), self.tolerance * hull.scale
+        side = TurnProgram(center, threshold, *hull.choose_side(point.x, sides))
+        x = min(max(point.x, side.lower), side.upper)
+        reach = self.tolerance * hull.scale
         end = side.lower if x - side.lower < side.upper - x else side.upper
         pressed = abs(x - end) <= reach and side.presses(end)
         if pressed:
             x = end
-        program, point = (
-            (side, side.with_multipliers(x))
-            if pressed or abs(x - point.x) > reach
-            else (hull, point)
-        )
-        primal, dual, gap = program.certify(point)
-        clipped = pressed and abs(x) == (
-            self.min_radius if self.objective == "difference" else 1 / self.min_radius
-        )
-        accurate = max(primal, dual, math.sqrt(2 * gap)) <= reach
-        status = (
-            Status.SOLVER_FAILED
-            if failed
-            else Status.INACCURATE
-            if not accurate
-            else Status.CLIPPED
-            if clipped
-            else Status.OPTIMAL
-        )
-        value = (
-            criterion.scale * (0.5 * (x - criterion.center) ** 2 + criterion.threshold * abs(x))
-            + criterion.constant
-        )
+        if pressed or abs(x - point.x) > reach:
+            primal, dual, gap = side.certify(side.with_multipliers(x))
+        else:
+            primal, dual, gap = hull.certify(point)
+        if failed:
+            status = Status.SOLVER_FAILED
+        elif not max(primal, dual, math.sqrt(2 * gap)) <= reach:
+            status = Status.INACCURATE
+        else:
+            status = Status.CLIPPED if pressed and self._is_limit(x) else Status.OPTIMAL
+        value = 0.5 * (x - center) ** 2 + threshold * abs(x)
         return Solution(
             x=np.array([x]),
-            objective=value,
+            objective=criterion.scale * value + criterion.constant,
+            status=status,
             primal_residual=primal,
             dual_residual=criterion.scale * dual,
             duality_gap=criterion.scale * gap,
-            status=status,
+            remedies=REMEDIES,
         )
+
+    def _is_limit(self, x: float) -> bool:
+        """Whether a turn is the tightest that the vehicle can make."""
+        limit = self.min_radius if self.objective == "difference" else 1 / self.min_radius
+        return abs(x) == limit
 
 
 @cache

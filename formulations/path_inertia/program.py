@@ -48,21 +48,15 @@ class TurnProgram(NamedTuple):
     @property
     def reach(self) -> float:
         """Distance from the centre that the optimum cannot exceed."""
-        return (
-            max(self.threshold, self.lower - self.center, self.center - self.upper)
-            or abs(self.center)
-            or 1.0
-        )
+        farthest = max(self.threshold, self.lower - self.center, self.center - self.upper)
+        return farthest or abs(self.center) or 1.0
 
     def bounded(self) -> "TurnProgram":
         """Return the same program with limits cut at twice the reach, which no optimum touches."""
-        room = 2 * self.reach
-        return TurnProgram(
-            self.center,
-            self.threshold,
-            max(self.lower, self.center - room),
-            min(self.upper, self.center + room),
-        )
+        most = 2 * self.reach
+        lower = max(self.lower, self.center - most)
+        upper = min(self.upper, self.center + most)
+        return TurnProgram(self.center, self.threshold, lower, upper)
 
     def optimum(self) -> Point:
         """Solve by hand: shrink the centre by the threshold, then keep to the limits."""
@@ -72,18 +66,14 @@ class TurnProgram(NamedTuple):
     def with_multipliers(self, x: float) -> Point:
         """Recover the multipliers at x: the subgradient of |x|, and what remains where a limit is touched."""
         pull = self.center - x
-        sign = (
-            math.copysign(self.threshold, x)
-            if x
-            else min(max(pull, -self.threshold), self.threshold)
-        )
+        if x:
+            sign = math.copysign(self.threshold, x)
+        else:
+            sign = min(max(pull, -self.threshold), self.threshold)
         rest = pull - sign
-        return Point(
-            x,
-            sign,
-            max(-rest, 0.0) if x == self.lower else 0.0,
-            max(rest, 0.0) if x == self.upper else 0.0,
-        )
+        lower = max(-rest, 0.0) if x == self.lower else 0.0
+        upper = max(rest, 0.0) if x == self.upper else 0.0
+        return Point(x, sign, lower, upper)
 
     def certify(self, point: Point) -> Certificate:
         """Return the residuals of a point; its multipliers are first made feasible, so that the gap bounds the error."""
@@ -139,22 +129,21 @@ class Deviation(NamedTuple):
         lower, upper = (lower - center) / unit, (upper - center) / unit
         if center < 0:
             lower, upper = -upper, -lower
-        return cls(threshold / unit, lower, upper, min(2 * abs(center) / unit, 4.0), unit, center)
+        fold = min(2 * abs(center) / unit, 4.0)
+        return cls(threshold / unit, lower, upper, fold, unit, center)
 
     def point(self, y: float, sign: float, lower: float, upper: float) -> Point:
         """Return a solution and its multipliers as the turn program has them."""
-        if self.center < 0:
-            return Point(
-                self.center - self.unit * y, -self.unit * sign, self.unit * upper, self.unit * lower
-            )
-        return Point(
-            self.center + self.unit * y, self.unit * sign, self.unit * lower, self.unit * upper
-        )
+        unit = self.unit
+        if self.center < 0:  # mirrored
+            return Point(self.center - unit * y, -unit * sign, unit * upper, unit * lower)
+        return Point(self.center + unit * y, unit * sign, unit * lower, unit * upper)
 
 
 def radius_sides(lower: float, upper: float, min_radius: float) -> list[Side]:
     """Return the signed radii within limits that the vehicle can turn [m]: right, left, either or none."""
-    right, left = (lower, min(upper, -min_radius)), (max(lower, min_radius), upper)
+    right = lower, min(upper, -min_radius)
+    left = max(lower, min_radius), upper
     return [side for side in (right, left) if side[0] <= side[1]]
 
 

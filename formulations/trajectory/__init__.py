@@ -1,17 +1,17 @@
-"""Receding-horizon trajectory optimisation: an aid vehicle's turns over the next stages, under limits (see `optimise`)."""
+"""Receding-horizon optimal control: an aid vehicle's turns over the next stages, under limits."""
 
 from .areas import Areas, convex_areas
-from .ladder import Limits, Outcome, optimise
 from .program import Controls
+from .search import PathLimits, freer_side, optimise
 from .task import OBJECTIVES, Task
 
 __all__ = [
     "OBJECTIVES",
     "Areas",
     "Controls",
-    "Limits",
-    "Outcome",
+    "PathLimits",
     "Task",
     "convex_areas",
+    "freer_side",
     "optimise",
 ]

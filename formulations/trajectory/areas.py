@@ -1,8 +1,9 @@
 """Fixed limits as a smooth program can take them: discs, and convex polygons by the lines through their edges.
 
-A keep-out polygon is replaced by its convex hull; a geofence by its hull less the hull of each pocket between hull and fence. Both err on
-the safe side. What is inside the one or outside the other although the true area permits it, is lost to the program, not to the manoeuvres
-it starts from, which are held against the true area.
+A keep-out polygon is replaced by its convex hull; a geofence by its hull less the hull of each
+pocket between hull and fence. Both err on the safe side. What is inside the one or outside the
+other although the true area permits it, is lost to the program, not to the manoeuvres it starts
+from, which are held against the true area.
 """
 
 from collections.abc import Sequence
@@ -18,7 +19,10 @@ FLAT = 1e-9  # of a fence: a corner this near to its hull is on it
 
 
 class Areas(NamedTuple):
-    """Limits on a position p; a line is (n, b) with n of length 1, n·p - b the distance to the edge, positive outside."""
+    """Limits on a position p.
+
+    A line is (n, b), n of length 1: n·p - b is the distance to the edge, positive outside.
+    """
 
     discs: Float[np.ndarray, "D 3"]  # centre, radius [m]; stay outside
     keep_outs: tuple[Float[np.ndarray, "J 3"], ...]  # lines; stay outside at least one of each
@@ -35,13 +39,12 @@ def convex_areas(
     geofence: Float[np.ndarray, "_ 2"] | None,
 ) -> Areas:
     """Take discs, corners of keep-out polygons and corners of a geofence, convex or not, to convex areas."""
-    if geofence is None:
-        return Areas(discs, tuple(hull_lines(points) for points in polygons), np.empty((0, 3)))
-    return Areas(
-        discs,
-        tuple(hull_lines(points) for points in (*polygons, *_pockets(geofence))),
-        hull_lines(geofence),
-    )
+    keep_outs = list(polygons)
+    fence = np.empty((0, 3))
+    if geofence is not None:
+        keep_outs += _pockets(geofence)
+        fence = hull_lines(geofence)
+    return Areas(discs, tuple(hull_lines(points) for points in keep_outs), fence)
 
 
 def hull_lines(points: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "J 3"]:
@@ -51,16 +54,19 @@ def hull_lines(points: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "J 3"]:
 
 
 def _pockets(corners: Float[np.ndarray, "n 2"]) -> list[Float[np.ndarray, "_ 2"]]:
-    """Corners of each part of the hull that a simple polygon leaves out: from one corner on it to the next, where others lie between."""
+    """Corners of each part of the hull that a simple polygon leaves out.
+
+    Each is from one corner on the hull to the next, where others lie between.
+    """
     lines = hull_lines(corners)
     depth = np.min(lines[:, 2] - corners @ lines[:, :2].T, axis=1)
     on_hull = np.flatnonzero(depth < FLAT * np.ptp(corners, axis=0).max())
     ends = np.append(on_hull[1:], on_hull[0] + len(corners))
-    return [
-        corners[np.arange(a, b + 1) % len(corners)]
-        for a, b in zip(on_hull, ends, strict=True)
-        if b - a > 1
-    ]
+    pockets = []
+    for first, last in zip(on_hull, ends, strict=True):
+        if last - first > 1:
+            pockets.append(corners[np.arange(first, last + 1) % len(corners)])
+    return pockets
 
 
 def in_frame(areas: Areas, frame: Frame) -> Areas:

@@ -6,11 +6,10 @@ States are the pose, the turn rate held before where its change is limited, and 
 - AUVs that move: ∫ p pᵀ of the position relative to each;
 - ``covariance``: the packed lower triangle of each AUV's 4 x 4 covariance.
 
-Controls are the turn rate, the speed where it is free, and the slack by which the limits are softened. Parameters are named blocks: of the
-whole task (``g``) and of each stage (``s``).
+Controls are the turn rate, the speed where it is free, and the slack by which the limits are
+softened. Parameters are named blocks: of the whole task (``g``) and of each stage (``s``).
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import casadi as ca
@@ -57,55 +56,58 @@ class Shape(NamedTuple):
 
 
 def task_blocks(shape: Shape) -> dict[str, tuple[int, int]]:
-    """Parameters of the whole task."""
-    covariance = shape.objective == "covariance"
-    return {
+    """Rows and columns of the parameters of the whole task; what a shape does not have has none.
+
+    ``side`` is that of the terminal safe set: 1 loiters to the left, -1 to the right.
+    """
+    gramian = shape.objective != "covariance"
+    predicted = 0 if gramian else shape.auvs
+    scored = shape.auvs if gramian else 0
+    lines = sum(shape.keep_outs) + shape.fence
+    blocks = {
         "weight": (1, shape.auvs),
         "start": (shape.accumulated, 1),
         "last_rate": (1, int(shape.slew)),
         "radius": (1, 1),  # smallest, of a turn
         "slack_weight": (1, int(shape.limited)),
-        "noise": (4, shape.auvs if covariance else 0),  # standard deviations
-        "sigma": (1, int(covariance)),  # of a range
-        "unit": (1, int(covariance)),  # of covariance
-        "at_rest": (2, 0 if covariance or shape.moving else shape.auvs),
-        "time": (1, int(not covariance)),
-        "floor": (2, 0 if covariance else shape.auvs),  # of determinant and trace
+        "noise": (4, predicted),  # standard deviations
+        "sigma": (1, int(not gramian)),  # of a range
+        "unit": (1, int(not gramian)),  # of covariance
+        "at_rest": (2, 0 if shape.moving else scored),
+        "time": (1, int(gramian)),
+        "floor": (2, scored),  # of determinant and trace
+    }
+    of_limits = {
         "disc": (3, shape.discs),
-        "line": (3, sum(shape.keep_outs) + shape.fence),
+        "line": (3, lines),
         "sharpness": (1, len(shape.keep_outs)),
-        "side": (
-            1,
-            int(bool(shape.discs or shape.keep_outs or shape.fence)),
-        ),  # 1: loiter to the left, -1: to the right
+        "side": (1, int(shape.discs + lines > 0)),
         "least": (1, int(shape.least)),
         "greatest": (1, int(shape.greatest)),
     }
+    return blocks | of_limits
 
 
 def stage_blocks(shape: Shape) -> dict[str, tuple[int, int]]:
-    """Parameters of each stage."""
-    covariance, moving = (
-        shape.objective == "covariance",
-        shape.moving and shape.objective != "covariance",
-    )
+    """Rows and columns of the parameters of each stage.
+
+    The limits are looked at once within the stage, ``look`` after its beginning, and at its end.
+    ``margin`` is for what lies between these: of areas, least and greatest separation. ``there`` is
+    where AUVs are at the end, or those that a Gramian is of at start, middle and end.
+    """
+    covariance = shape.objective == "covariance"
+    if covariance:
+        places = 1
+    else:
+        places = 3 if shape.moving else 0
     return {
         "duration": (1, 1),
         "reach": (1, int(shape.slew)),
-        "look": (
-            1,
-            int(shape.limited),
-        ),  # time from the stage's beginning at which the limits are looked at beside its end
-        "margin": (
-            3,
-            int(shape.limited),
-        ),  # of areas, least and greatest separation, for what lies between the points looked at
+        "look": (1, int(shape.limited)),
+        "margin": (3, int(shape.limited)),
         "pings": (1, int(covariance)),
-        "course": (3, shape.auvs if covariance else 0),  # cos and sin of the heading, speed
-        "there": (
-            2,
-            shape.auvs * (1 if covariance else 3 if moving else 0),
-        ),  # AUVs at the end; or at start, middle and end
+        "motion": (3, shape.auvs if covariance else 0),  # cos and sin of the heading, speed
+        "there": (2, places * shape.auvs),
         "neighbour": (2, 2 * shape.neighbours),  # at the look and the end
     }
 
@@ -115,52 +117,62 @@ def symbols(blocks: dict[str, tuple[int, int]], name: str) -> tuple[SX, dict[str
     sizes = [rows * cols for rows, cols in blocks.values()]
     column = symbol(name, sum(sizes))
     parts = ca.vertsplit(column, [0, *np.cumsum(sizes).tolist()])
-    return column, {
-        key: ca.reshape(part, *size)
-        for (key, size), part in zip(blocks.items(), parts, strict=True)
-    }
+    named = {}
+    for (key, (rows, cols)), part in zip(blocks.items(), parts, strict=True):
+        named[key] = ca.reshape(part, rows, cols)
+    return column, named
 
 
-def moved(x: SX, u: SX, shape: Shape, duration: SX) -> tuple[SX, SX, SX]:
-    """Pose at the beginning, in the middle and at the end of a stage."""
-    speed = u[1] if shape.free_speed else 1.0
-    return x[:3], arc(x[:3], u[0], speed, duration / 2), arc(x[:3], u[0], speed, duration)
+def moved(x: SX, u: SX, shape: Shape, duration: SX) -> SX:
+    """Pose after a time of a stage."""
+    return arc(x[:3], u[0], u[1] if shape.free_speed else 1.0, duration)
 
 
 def dynamics(x: SX, u: SX, s: dict[str, SX], g: dict[str, SX], shape: Shape) -> SX:
     """State at the end of a stage."""
-    poses = moved(x, u, shape, s["duration"])
+    end = moved(x, u, shape, s["duration"])
     held = [u[0]] if shape.slew else []
     z = x[3 + len(held) :]
-    advance: Callable[..., SX] = _covariances if shape.objective == "covariance" else _moments
-    return ca.vertcat(poses[2], *held, advance(z, poses, s, g, shape))
+    if shape.objective == "covariance":
+        return ca.vertcat(end, *held, _covariances(z, end, s, g, shape))
+    middle = moved(x, u, shape, s["duration"] / 2)
+    return ca.vertcat(end, *held, _moments(z, (x[:3], middle, end), s, shape))
 
 
-def _moments(
-    z: SX, poses: tuple[SX, SX, SX], s: dict[str, SX], _: dict[str, SX], shape: Shape
-) -> SX:
+def _moments(z: SX, poses: tuple[SX, SX, SX], s: dict[str, SX], shape: Shape) -> SX:
     """Add a stage's integrals by Simpson's rule."""
-    n = shape.auvs
-
-    def integrand(pose: SX, at: int) -> SX:
-        if not shape.moving:
-            return ca.vertcat(pose[0], pose[1], pose[0] ** 2, pose[0] * pose[1], pose[1] ** 2)
-        p = ca.repmat(pose[:2], 1, n) - s["there"][:, at * n : (at + 1) * n]
-        return ca.vec(ca.vertcat(p[0, :] ** 2, p[0, :] * p[1, :], p[1, :] ** 2))
-
-    f0, f1, f2 = (integrand(pose, at) for at, pose in enumerate(poses))
+    if shape.moving:
+        places = ca.horzsplit(s["there"], shape.auvs)
+        pairs = zip(poses, places, strict=True)
+        f0, f1, f2 = (_relative_products(pose, place) for pose, place in pairs)
+    else:
+        f0, f1, f2 = (_own_products(pose) for pose in poses)
     first, middle, last = MIDDLE.tolist()
     return z + s["duration"] * (first * f0 + middle * f1 + last * f2)
 
 
-def _covariances(
-    z: SX, poses: tuple[SX, SX, SX], s: dict[str, SX], g: dict[str, SX], shape: Shape
-) -> SX:
-    """Predict each AUV's covariance over a stage and condition it on the ranges at its end; in units of ``unit``."""
+def _own_products(pose: SX) -> SX:
+    """The aid vehicle's position and its products: what Gramians of AUVs at rest are made of."""
+    east, north = pose[0], pose[1]
+    return ca.vertcat(east, north, east**2, east * north, north**2)
+
+
+def _relative_products(pose: SX, there: SX) -> SX:
+    """Products of the position relative to each AUV."""
+    p = ca.repmat(pose[:2], 1, there.shape[1]) - there
+    east, north = p[0, :], p[1, :]
+    return ca.vec(ca.vertcat(east**2, east * north, north**2))
+
+
+def _covariances(z: SX, end: SX, s: dict[str, SX], g: dict[str, SX], shape: Shape) -> SX:
+    """Predict each AUV's covariance over a stage and condition it on the ranges at its end.
+
+    Covariances are in units of ``unit``.
+    """
     after = []
     for i, packed in enumerate(ca.vertsplit(z, PACKED)):
-        P = predict(unpack(packed), s["course"][:, i], g["noise"][:, i], s["duration"])
-        x = poses[2][:2] - s["there"][:, i]
+        P = predict(unpack(packed), s["motion"][:, i], g["noise"][:, i], s["duration"])
+        x = end[:2] - s["there"][:, i]
         known = condition_on_range(
             g["unit"] * P, x, sigma=g["sigma"], pings=s["pings"], squared=shape.squared
         )
@@ -173,69 +185,98 @@ def running_cost(x: SX, share: SX, g: dict[str, SX], shape: Shape) -> SX:
     if shape.objective != "covariance":
         return ca.SX(0.0)
     parts = ca.vertsplit(x[3 + shape.slew :], PACKED)
-    traces = [ca.trace(unpack(packed)[:2, :2]) for packed in parts]
-    return share * sum(g["weight"][i] * trace for i, trace in enumerate(traces))
+    mean = 0
+    for i, packed in enumerate(parts):
+        mean += g["weight"][i] * ca.trace(unpack(packed)[:2, :2])
+    return share * mean
 
 
 def final_cost(x: SX, g: dict[str, SX], shape: Shape) -> SX:
-    """What the Gramians at the horizon's end cost: the weighted mean of the AUVs' scores."""
+    """What the Gramians at the horizon's end cost: the weighted mean of the AUVs' scores.
+
+    -log det, log((κ + 1)² / 4κ) = log(tr² / 4 det), or -log λmin by λmin = 2 det / (tr + gap).
+    """
     if shape.objective == "covariance":
         return ca.SX(0.0)
-    z, T = x[3 + shape.slew :], g["time"]
-    if shape.moving:
-        W = ca.reshape(z, 3, shape.auvs)
-        w11, w12, w22 = W[0, :], W[1, :], W[2, :]
+    w11, w12, w22 = _gramians(x[3 + shape.slew :], g, shape)
+    det = w11 * w22 - w12**2
+    trace = w11 + w22
+    det_floor, trace_floor = g["floor"][0, :], g["floor"][1, :]
+    log_det = _log_above(det, det_floor)
+    if shape.objective == "log-det":
+        score = -log_det
+    elif shape.objective == "condition-number":
+        score = 2 * _log_above(trace, trace_floor) - log_det - np.log(4.0)
     else:
-        a1, a2 = g["at_rest"][0, :], g["at_rest"][1, :]
-        w11 = z[2] - 2 * a1 * z[0] + a1**2 * T
-        w12 = z[3] - a1 * z[1] - a2 * z[0] + a1 * a2 * T
-        w22 = z[4] - 2 * a2 * z[1] + a2**2 * T
-    det, trace = w11 * w22 - w12**2, w11 + w22
-    logs = _log_above(det, g["floor"][0, :]), _log_above(trace, g["floor"][1, :])
-    gap = ca.sqrt((w11 - w22) ** 2 + 4 * w12**2 + (EIGENVALUE_GAP * trace) ** 2 + EPS)
-    score = {
-        "log-det": lambda: -logs[0],
-        "condition-number": lambda: 2 * logs[1] - logs[0] - np.log(4.0),
-        "smallest-eigenvalue": lambda: (
-            _log_above(trace + gap, g["floor"][1, :]) - logs[0] - np.log(2.0)
-        ),
-    }[shape.objective]()
+        gap = ca.sqrt((w11 - w22) ** 2 + 4 * w12**2 + (EIGENVALUE_GAP * trace) ** 2 + EPS)
+        score = _log_above(trace + gap, trace_floor) - log_det - np.log(2.0)
     return ca.dot(g["weight"], score)
 
 
+def _gramians(z: SX, g: dict[str, SX], shape: Shape) -> tuple[SX, SX, SX]:
+    """W11, W12, W22 over 4 of each AUV, from what was accumulated."""
+    if shape.moving:
+        W = ca.reshape(z, 3, shape.auvs)
+        return W[0, :], W[1, :], W[2, :]
+    T = g["time"]
+    a1, a2 = g["at_rest"][0, :], g["at_rest"][1, :]
+    w11 = z[2] - 2 * a1 * z[0] + a1**2 * T
+    w12 = z[3] - a1 * z[1] - a2 * z[0] + a1 * a2 * T
+    w22 = z[4] - 2 * a2 * z[1] + a2**2 * T
+    return w11, w12, w22
+
+
 def _log_above(z: SX, floor: SX) -> SX:
-    """Logarithm, continued below the floor by its parabola: an infeasible iterate's determinant may be negative."""
+    """Logarithm, continued below the floor by its parabola.
+
+    An infeasible iterate's determinant may be negative.
+    """
     r = z / floor - 1
-    return ca.if_else(z > floor, ca.log(ca.fmax(z, floor)), ca.log(floor) + r - r**2 / 2)
+    below = ca.log(floor) + r - r**2 / 2
+    return ca.if_else(z > floor, ca.log(ca.fmax(z, floor)), below)
 
 
 def limits(
     x: SX, u: SX, s: dict[str, SX], g: dict[str, SX], shape: Shape, *, last: bool
 ) -> tuple[list[SX], list[SX]]:
-    """What has to be at least 0 in a stage: what may be softened [lengths], and the vehicle's own limits."""
-    soft, hard, end = [], [], arc(x[:3], u[0], u[1] if shape.free_speed else 1.0, s["duration"])
-    for at, time in enumerate((s["look"], s["duration"]) if shape.limited else ()):
-        p = arc(x[:3], u[0], u[1] if shape.free_speed else 1.0, time)[:2]
-        soft += [c - s["margin"][0] for c in _clearances(p, g, shape, ca.SX(0.0))]
-        there = s["neighbour"][:, at * shape.neighbours : (at + 1) * shape.neighbours]
-        for k in range(shape.neighbours):
-            d2 = ca.sumsqr(p - there[:, k])
-            soft += (
-                [(d2 - g["least"] ** 2) / (2 * g["least"]) - s["margin"][1]] if shape.least else []
-            )
-            soft += (
-                [(g["greatest"] ** 2 - d2) / (2 * g["greatest"]) - s["margin"][2]]
-                if shape.greatest
-                else []
+    """What has to be at least 0 in a stage.
+
+    First what may be softened [lengths], then the vehicle's own limits.
+    """
+    soft = []
+    if shape.limited:
+        for at, time in enumerate((s["look"], s["duration"])):
+            p = moved(x, u, shape, time)[:2]
+            soft += [c - s["margin"][0] for c in _clearances(p, g, shape, ca.SX(0.0))]
+            first = at * shape.neighbours
+            soft += _separations(
+                p, s["neighbour"][:, first : first + shape.neighbours], s, g, shape
             )
     if last and not g["side"].is_empty():
-        center = end[:2] + g["side"] * g["radius"] * ca.vertcat(-ca.sin(end[2]), ca.cos(end[2]))
+        end = moved(x, u, shape, s["duration"])
+        abeam = ca.vertcat(-ca.sin(end[2]), ca.cos(end[2]))
+        center = end[:2] + g["side"] * g["radius"] * abeam
         soft += [c - s["margin"][0] for c in _clearances(center, g, shape, g["radius"])]
+    hard = []
     if shape.slew:
         hard += [s["reach"] - u[0] + x[3], s["reach"] + u[0] - x[3]]
     if shape.free_speed:
         hard += [u[1] - g["radius"] * u[0], u[1] + g["radius"] * u[0]]
     return soft, hard
+
+
+def _separations(p: SX, there: SX, s: dict[str, SX], g: dict[str, SX], shape: Shape) -> list[SX]:
+    """How far a point is within the separations from neighbours, along the boundary exactly."""
+    found = []
+    for k in range(shape.neighbours):
+        d2 = ca.sumsqr(p - there[:, k])
+        if shape.least:
+            least = g["least"]
+            found.append((d2 - least**2) / (2 * least) - s["margin"][1])
+        if shape.greatest:
+            greatest = g["greatest"]
+            found.append((greatest**2 - d2) / (2 * greatest) - s["margin"][2])
+    return found
 
 
 def _clearances(p: SX, g: dict[str, SX], shape: Shape, radius: SX) -> list[SX]:
@@ -249,13 +290,14 @@ def _clearances(p: SX, g: dict[str, SX], shape: Shape, radius: SX) -> list[SX]:
         found.append((ca.sumsqr(p - g["disc"][:2, k]) - R**2) / (2 * R))
     first = 0
     for k, edges in enumerate(shape.keep_outs):
-        off = g["line"][:2, first : first + edges].T @ p - g["line"][2, first : first + edges].T
+        lines = g["line"][:, first : first + edges]
+        off = lines[:2, :].T @ p - lines[2, :].T
         top = ca.mmax(off)
-        found.append(
-            top
-            + ca.log(ca.sum1(ca.exp(g["sharpness"][k] * (off - top))) / edges) / g["sharpness"][k]
-            - radius
-        )
+        sharpness = g["sharpness"][k]
+        mean = ca.sum1(ca.exp(sharpness * (off - top))) / edges
+        found.append(top + ca.log(mean) / sharpness - radius)
         first += edges
-    lines = g["line"][:, first:]
-    return found + [lines[2, j] - ca.dot(lines[:2, j], p) - radius for j in range(shape.fence)]
+    fence = g["line"][:, first:]
+    for j in range(shape.fence):
+        found.append(fence[2, j] - ca.dot(fence[:2, j], p) - radius)
+    return found

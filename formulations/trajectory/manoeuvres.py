@@ -1,4 +1,4 @@
-"""Manoeuvres to start from: constant turns, pairs of them, the rest of the last trajectory, and what a beam search finds."""
+"""Candidate manoeuvres: constant turns, pairs, the last trajectory's rest, a beam search's turns."""
 
 from functools import lru_cache
 
@@ -20,7 +20,10 @@ BRANCHES, LEVELS, BEAM = 7, 5, 16  # of the search for covariances
 def manoeuvres(
     task: Task, objective: str, last: Controls | None, violation: Violation | None
 ) -> tuple[Float[np.ndarray, "K N"], Float[np.ndarray, "K N"]]:
-    """Turn rates and speeds, within the vehicle's limits; the last trajectory's first, so that of equals it is kept."""
+    """Turn rates and speeds, within the vehicle's limits.
+
+    The last trajectory comes first, so that of equals it is kept.
+    """
     rates = _turns(len(task.durations)) * (task.speed[1] / task.min_turn_radius)
     if objective == "covariance":
         rates = np.concatenate([_searched(task, violation)[None], rates])
@@ -47,30 +50,39 @@ def _turns(stages: int) -> Float[np.ndarray, "K N"]:
 
 def _searched(task: Task, violation: Violation | None) -> Float[np.ndarray, " N"]:
     """The beam search's turns, its stages being groups of the task's."""
-    groups = np.array_split(np.arange(len(task.durations)), min(LEVELS, len(task.durations)))
-    ends = np.array([group[-1] for group in groups])
-    duration = np.array([task.durations[group].sum() for group in groups])
-    velocity = task.speeds[..., None] * np.stack(
-        [np.cos(task.headings), np.sin(task.headings)], axis=-1
-    )
-    mean = np.stack(
-        [np.average(velocity[group], axis=0, weights=task.durations[group]) for group in groups]
-    )
+    count = len(task.durations)
+    groups = np.array_split(np.arange(count), min(LEVELS, count))
     found = search_manoeuvres(
         task.pose,
         task.covariance,
-        tracks=Tracks(
-            task.positions[2 * ends + 2],
-            np.arctan2(mean[..., 1], mean[..., 0]),
-            np.hypot(mean[..., 0], mean[..., 1]),
-        ),
+        tracks=_tracks(task, groups),
         process_noise=task.process_noise,
         weights=task.weights,
-        stages=Stages(duration, np.array([task.pings[group].sum() for group in groups])),
+        stages=_stages(task, groups),
         turn_rates=turn_candidates(task.speed[1] / task.min_turn_radius, BRANCHES),
         speed=task.speed[1],
         ranging=task.ranging,
         beam_width=BEAM,
         violation=violation,
     )
-    return np.repeat(found.turn_rates, [len(group) for group in groups])
+    return np.repeat(found.x, [len(group) for group in groups])
+
+
+def _stages(task: Task, groups: list[np.ndarray]) -> Stages:
+    """Groups of stages, each taken as one."""
+    duration = [task.durations[group].sum() for group in groups]
+    pings = [task.pings[group].sum() for group in groups]
+    return Stages(np.array(duration), np.array(pings))
+
+
+def _tracks(task: Task, groups: list[np.ndarray]) -> Tracks:
+    """Where the AUVs are at the ends of groups of stages, and their mean velocities."""
+    ends = np.array([group[-1] for group in groups])
+    direction = np.stack([np.cos(task.headings), np.sin(task.headings)], axis=-1)
+    velocity = task.speeds[..., None] * direction
+    means = []
+    for group in groups:
+        means.append(np.average(velocity[group], axis=0, weights=task.durations[group]))
+    east, north = np.moveaxis(np.stack(means), -1, 0)
+    position = task.positions[2 * ends + 2]
+    return Tracks(position, np.arctan2(north, east), np.hypot(east, north))

@@ -5,21 +5,26 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..model.covariance import pack_array
+from ..metrics import EPS
+from ..model.covariance import motions, pack_array
 from .expressions import Shape, stage_blocks, task_blocks
 from .program import Controls
-from .rollout import Path, follow, gramians, scores
+from .rollout import Path, gramians, rollout, scores
 from .task import Task
 
-AT_REST = 0.02  # of the aid vehicle's way: AUVs that move less over the horizon are taken to be at rest by the program
-MOST_AUVS = 8  # that a program keeps states for: those that count most; an answer good for few of many is refused in the end
+# Of the aid vehicle's way: AUVs that move less over the horizon are at rest for the program.
+AT_REST = 0.02
+# AUVs that a program keeps states for: those that count most; an answer good for few of many is
+# refused in the end.
+MOST_AUVS = 8
 MOST_NEIGHBOURS = 16  # that a program keeps a distance from: those nearest to a limit
 FLOOR = 1e-4  # of the starting determinant; below it the logarithm is continued
-SHARP = 1e-3  # of the mean variance: ranges that err less are taken to err that much by the program, which would not converge otherwise
+# Of the mean variance: ranges that err less count as erring that much in the program, which would
+# not converge otherwise.
+SHARP = 1e-3
 SLACK_WEIGHT = 100.0  # per length and time in units of the task; of scores of the order of 1
-STAND_OFF = (
-    0.05  # of a keep-out polygon's inner radius, by which its rounded boundary may be away from it
-)
+# Of a keep-out polygon's inner radius, by which its rounded boundary may be away from it.
+STAND_OFF = 0.05
 
 
 class Setting(NamedTuple):
@@ -31,55 +36,53 @@ class Setting(NamedTuple):
 
 
 def setting(task: Task, heard: Task, start: Controls, objective: str, side: float) -> Setting:
-    """What the program of a task in body frame is fed; ``heard`` is the task of the AUVs that have a weight.
+    """What the program of a task in body frame is fed.
 
-    ``side``: 1 if the sequence can turn to the left for ever after its end, -1 if to the right.
+    ``heard`` is the task of the AUVs that have a weight. ``side`` is of the terminal safe set: 1 if
+    the sequence can turn to the left for ever after its end, -1 if to the right.
     """
-    path = follow(heard, start.turn_rates[None], start.speeds[None])
+    path = rollout(heard, start.turn_rates[None], start.speeds[None])
     heard, moving = _counted(heard, path, objective)
-    near = (
-        _neighbours(task, path)
-        if task.least > 0 or np.isfinite(task.greatest)
-        else np.empty(0, dtype=int)
-    )
-    shape = Shape(
+    near = _neighbours(task, path)
+    shape = _shape(task, heard, objective, moving=moving, neighbours=len(near))
+    unit = 1.0
+    if objective == "covariance":
+        mean = float(scores(heard, path, objective)[0] @ heard.weights)
+        unit = max(mean, EPS * task.ranging.sigma**2)
+    whole = _flat(_of_task(task, heard, path, shape, side=side, unit=unit), task_blocks(shape), 1)
+    stages = _flat(_of_stages(task, heard, shape, near), stage_blocks(shape), shape.stages)
+    return Setting(shape, np.concatenate([whole.ravel(), stages.ravel()]), unit)
+
+
+def _shape(task: Task, heard: Task, objective: str, *, moving: bool, neighbours: int) -> Shape:
+    """What the program of a task depends on."""
+    separated = neighbours > 0
+    return Shape(
         objective=objective,
         stages=len(task.durations),
         auvs=len(heard.weights),
         moving=moving,
         squared=task.ranging.squared if objective == "covariance" else False,
-        neighbours=len(near),
-        least=bool(task.least > 0) and len(near) > 0,
-        greatest=bool(np.isfinite(task.greatest)) and len(near) > 0,
+        neighbours=neighbours,
+        least=separated and bool(task.least > 0),
+        greatest=separated and bool(np.isfinite(task.greatest)),
         discs=len(task.areas.discs),
         keep_outs=tuple(len(lines) for lines in task.areas.keep_outs),
         fence=len(task.areas.fence),
         slew=task.reach is not None,
         free_speed=task.speed[0] < task.speed[1],
     )
-    unit = 1.0
-    if objective == "covariance":
-        unit = max(
-            float(scores(heard, path, objective)[0] @ heard.weights),
-            np.finfo(float).eps * task.ranging.sigma**2,
-        )
-    whole = _flat(_of_task(task, heard, path, shape, side=side, unit=unit), task_blocks(shape), 1)
-    stages = _flat(_of_stages(task, heard, shape, near), stage_blocks(shape), shape.stages)
-    return Setting(shape, np.concatenate([whole.ravel(), stages.ravel()]), unit)
 
 
 def _flat(
     blocks: dict[str, np.ndarray], sizes: dict[str, tuple[int, int]], stages: int
 ) -> Float[np.ndarray, "{stages} n"]:
     """Blocks one after the other, each by columns; what a shape does not have is left out."""
-    return np.concatenate(
-        [
-            np.reshape(blocks[key], (stages, -1))
-            for key, (rows, cols) in sizes.items()
-            if rows * cols
-        ],
-        axis=1,
-    )
+    parts = []
+    for key, (rows, cols) in sizes.items():
+        if rows * cols:
+            parts.append(np.reshape(blocks[key], (stages, -1)))
+    return np.concatenate(parts, axis=1)
 
 
 def chosen(task: Task, which: np.ndarray) -> Task:
@@ -102,46 +105,52 @@ def _counted(heard: Task, path: Path, objective: str) -> tuple[Task, bool]:
     if len(heard.weights) <= MOST_AUVS or (objective != "covariance" and not moving):
         return heard, moving
     score = scores(heard, path, objective)[0]
-    score = score if objective == "covariance" else score - score.min() + 1.0
-    return chosen(
-        heard, np.sort(np.argsort(-heard.weights * score, kind="stable")[:MOST_AUVS])
-    ), moving
+    if objective != "covariance":
+        score = score - score.min() + 1.0  # logarithms: only differences mean anything
+    order = np.argsort(-heard.weights * score, kind="stable")
+    return chosen(heard, np.sort(order[:MOST_AUVS])), moving
 
 
 def _neighbours(task: Task, path: Path) -> np.ndarray:
+    """The AUVs nearest to a limit on their separation, where there is one."""
+    if task.least == 0 and np.isinf(task.greatest):
+        return np.empty(0, dtype=int)
     distance = np.linalg.norm(path.poses[0, :, None, :2] - task.positions, axis=-1)
-    room = np.minimum(
-        distance - task.least if task.least > 0 else np.inf, task.greatest - distance
-    ).min(axis=0)
-    return np.sort(np.argsort(room, kind="stable")[:MOST_NEIGHBOURS])
+    clearance = task.greatest - distance
+    if task.least > 0:
+        clearance = np.minimum(distance - task.least, clearance)
+    order = np.argsort(clearance.min(axis=0), kind="stable")
+    return np.sort(order[:MOST_NEIGHBOURS])
 
 
 def _of_task(
     task: Task, heard: Task, path: Path, shape: Shape, *, side: float, unit: float
 ) -> dict[str, np.ndarray]:
     """Blocks of the task, each by columns."""
-    blocks = {"start": np.zeros(shape.accumulated)}
+    start = np.zeros(shape.accumulated)
+    floor = np.empty((0, 2))
     if shape.objective == "covariance":
-        blocks["start"] = pack_array(heard.covariance).ravel() / unit
-        floor = np.empty((0, 2))
+        start = pack_array(heard.covariance).ravel() / unit
     else:
         W = gramians(heard, path)[0]
-        floor = FLOOR * np.stack(
-            [np.maximum(np.linalg.det(W), np.finfo(float).eps), W[:, 0, 0] + W[:, 1, 1]], axis=-1
-        )
-    edges = [*task.areas.keep_outs, task.areas.fence]
-    return {
-        **blocks,
+        det = np.maximum(np.linalg.det(W), EPS)
+        floor = FLOOR * np.stack([det, W[:, 0, 0] + W[:, 1, 1]], axis=-1)
+    sharp = SHARP * unit * _square_range(heard, path)
+    blocks = {
+        "start": start,
         "weight": heard.weights / heard.weights.sum(),
         "last_rate": np.array(task.turn_rate),
         "radius": np.array(task.min_turn_radius),
         "slack_weight": np.array(SLACK_WEIGHT),
         "noise": heard.process_noise / np.sqrt(unit),
-        "sigma": np.sqrt(max(task.ranging.sigma**2, SHARP * unit * _square_range(heard, path))),
+        "sigma": np.sqrt(max(task.ranging.sigma**2, sharp)),
         "unit": np.array(unit),
         "at_rest": heard.positions[len(heard.positions) // 2],
         "time": np.array(task.durations.sum()),
         "floor": floor,
+    }
+    edges = [*task.areas.keep_outs, task.areas.fence]
+    of_limits = {
         "disc": task.areas.discs,
         "line": np.concatenate(edges),
         "sharpness": np.array([_sharpness(lines) for lines in task.areas.keep_outs]),
@@ -149,63 +158,80 @@ def _of_task(
         "least": np.array(task.least),
         "greatest": np.array(task.greatest),
     }
+    return blocks | of_limits
 
 
 def _square_range(task: Task, path: Path) -> float:
-    """What a variance of distance is times in one of what is measured: 4 d² of a squared range, d the root mean square over the way."""
+    """The factor from the variance of a distance to that of what is measured.
+
+    Of a squared range it is 4 d², d the root mean square over the way.
+    """
     if not task.ranging.squared:
         return 1.0
-    return 4 * float(np.mean(np.sum((path.poses[0, :, None, :2] - task.positions) ** 2, axis=-1)))
+    apart = path.poses[0, :, None, :2] - task.positions
+    return 4 * float(np.mean(np.sum(apart**2, axis=-1)))
 
 
 def _sharpness(lines: Float[np.ndarray, "J 3"]) -> float:
-    """Of the log-sum-exp, such that the rounded boundary stands off by no more than a part of the inner radius."""
-    x, y, _ = np.linalg.lstsq(
-        np.column_stack([lines[:, :2], np.ones(len(lines))]), lines[:, 2], rcond=None
-    )[0]  # about as far from all
-    inner = np.abs(lines[:, :2] @ [x, y] - lines[:, 2]).min()
+    """Of the log-sum-exp: the rounded boundary stands off by `STAND_OFF` of the inner radius."""
+    normals, offsets = lines[:, :2], lines[:, 2]
+    equations = np.column_stack([normals, np.ones(len(lines))])
+    x, y, _ = np.linalg.lstsq(equations, offsets, rcond=None)[0]  # about as far from all
+    inner = np.abs(normals @ [x, y] - offsets).min()
     return float(np.log(len(lines)) / (STAND_OFF * inner))
 
 
 def _of_stages(task: Task, heard: Task, shape: Shape, near: np.ndarray) -> dict[str, np.ndarray]:
     """Blocks of all stages, the stages first, each block by columns."""
-    start, middle, end = slice(0, -1, 2), slice(1, None, 2), slice(2, None, 2)
-    ends = [end] if shape.objective == "covariance" else [start, middle, end]
     looks = _looks(task)
+    start, middle, end = _thirds(heard.positions)
+    places = [end] if shape.objective == "covariance" else [start, middle, end]
     f = (looks / task.durations)[:, None, None]
-    p0, p1, p2 = (task.positions[at][:, near] for at in (start, middle, end))
-    looked = p0 * (1 - f) * (1 - 2 * f) + p1 * 4 * f * (1 - f) + p2 * f * (2 * f - 1)
+    p0, p1, p2 = _thirds(task.positions[:, near])
+    looked = p0 * (1 - f) * (1 - 2 * f) + p1 * 4 * f * (1 - f) + p2 * f * (2 * f - 1)  # parabola
     return {
         "duration": task.durations,
         "reach": np.zeros(shape.stages) if task.reach is None else task.reach,
         "look": looks,
         "margin": _margins(task, near),
         "pings": task.pings,
-        "course": np.stack([np.cos(heard.headings), np.sin(heard.headings), heard.speeds], axis=-1),
-        "there": np.concatenate([heard.positions[at] for at in ends], axis=1),
+        "motion": motions(heard.headings, heard.speeds),
+        "there": np.concatenate(places, axis=1),
         "neighbour": np.concatenate([looked, p2], axis=1),
     }
 
 
+def _thirds(
+    positions: Float[np.ndarray, "T M 2"],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions at the beginning, in the middle and at the end of each stage."""
+    return positions[:-1:2], positions[1::2], positions[2::2]
+
+
 def _looks(task: Task) -> Float[np.ndarray, " N"]:
-    """When limits are looked at: in the middle of what the stage was when it was whole, so that a trajectory that was right stays so."""
+    """When limits are looked at: in the middle of what the stage was when it was whole.
+
+    So a trajectory that was right stays so.
+    """
     before_end = 0.5 * task.durations.max()
     return np.where(task.durations > before_end, task.durations - before_end, task.durations)
 
 
 def _margins(task: Task, near: np.ndarray) -> Float[np.ndarray, "N 3"]:
-    """How far a path may come nearer between two points: the sagitta of its chord, bent against the boundary as both can be.
+    """How far a path may come nearer between two points: of areas, least and greatest separation.
 
-    Separations are given room for straying AUVs besides.
+    It is the sagitta of its chord, bent against the boundary as both can be. Separations have a
+    margin for straying AUVs besides.
     """
     h = 0.5 * task.durations.max()
     bulge = np.full_like(task.durations, h**2 / 8 / task.min_turn_radius)
-    area = bulge + (h**2 / 8 / task.areas.discs[:, 2].min() if len(task.areas.discs) else 0.0)
-    way = np.linalg.norm(np.diff(task.positions[::2, near], axis=0), axis=-1).max(
-        axis=1, initial=0.0
-    )
-    apart = h * (1 + way / task.durations)
-    spread = bulge + task.spread[near].max(initial=0.0)
-    return np.stack(
-        [area, spread + (apart**2 / 8 / task.least if task.least > 0 else 0.0), spread], axis=-1
-    )
+    area = bulge
+    if len(task.areas.discs):
+        area = bulge + h**2 / 8 / task.areas.discs[:, 2].min()
+    greatest = bulge + task.spread[near].max(initial=0.0)
+    least = greatest
+    if task.least > 0:
+        way = np.linalg.norm(np.diff(task.positions[::2, near], axis=0), axis=-1)
+        apart = h * (1 + way.max(axis=1, initial=0.0) / task.durations)
+        least = greatest + apart**2 / 8 / task.least
+    return np.stack([area, least, greatest], axis=-1)

@@ -1,7 +1,8 @@
-"""The program of a shape, compiled once: direct multiple shooting, solved by fatrop, by IPOPT if it fails.
+"""The program of a shape, compiled once: direct multiple shooting, solved by fatrop or by IPOPT.
 
-The limits are softened by one slack a stage at a linear cost: an exact penalty, so that the slacks are 0 wherever the limits can be kept.
-No bound then is infeasible, which fatrop could not recover from.
+The limits are softened by one slack a stage at a linear cost: an exact penalty, so that the slacks
+are 0 wherever the limits can be kept. No bound then is infeasible, which fatrop could not recover
+from.
 """
 
 from functools import cached_property, lru_cache
@@ -24,11 +25,12 @@ from .expressions import (
 )
 
 TOLERANCE = 1e-8  # of the optimality conditions, in units of the task
-FIRST_BARRIER = 1e-4  # of fatrop: a larger one leaves the neighbourhood of a good start, whose turns are often at their limit
-MOST_INFEASIBLE, MOST_OF_MOMENTS = (
-    1.0,
-    100.0,
-)  # sum of gaps: past it covariances turn indefinite, and fatrop may restore for ever
+# Of fatrop: a larger one leaves the neighbourhood of a good start, whose turns are often at their
+# limit.
+FIRST_BARRIER = 1e-4
+# Sum of gaps: past it covariances turn indefinite, and fatrop may restore for ever.
+MOST_INFEASIBLE = 1.0
+MOST_OF_MOMENTS = 100.0
 SLACK_START = 1e-2  # above what the guess needs: interior
 
 
@@ -40,11 +42,17 @@ class Controls(NamedTuple):
 
 
 class Program:
-    """Compiled program of one shape; parameters are the columns of the whole task and then of the stages one after the other."""
+    """Compiled program of one shape.
+
+    Parameters are the columns of the whole task and then of the stages one after the other.
+    """
 
     def __init__(self, shape: Shape, max_iterations: int) -> None:
-        self.shape, self.max_iterations = shape, max_iterations
-        self.nx, self.nu = 3 + shape.slew + shape.accumulated, 1 + shape.free_speed + shape.limited
+        self.shape = shape
+        self.max_iterations = max_iterations
+        self.free = 1 + shape.free_speed  # controls without slack
+        self.nx = 3 + shape.slew + shape.accumulated
+        self.nu = self.free + shape.limited
         self._g, self._task = symbols(task_blocks(shape), "g")
         self._stages = [symbols(stage_blocks(shape), f"s{k}") for k in range(shape.stages)]
         self._p = ca.vertcat(self._g, *(column for column, _ in self._stages))
@@ -58,94 +66,103 @@ class Program:
     def _nlp(self) -> dict[str, SX]:
         """Variables u0, x1, u1, x2, ...; rows: after each gap x1 - F(x0, u0) the stage's limits.
 
-        The first state is no variable. So there is no equality beside the dynamics, whose rank is full: fatrop 1.1 adds the same dual
-        correction again and again, and never returns, where its restoration finds others deficient.
+        The first state is no variable. So there is no equality beside the dynamics, whose rank is
+        full: fatrop 1.1 adds the same dual correction again and again, and never returns, where its
+        restoration finds others deficient.
         """
-        X = [self._start, *(symbol(f"x{k}", self.nx) for k in range(1, self.shape.stages + 1))]
-        U = [symbol(f"u{k}", self.nu) for k in range(self.shape.stages)]
-        cost, rows = final_cost(X[-1], self._task, self.shape), []
+        task, shape = self._task, self.shape
         total = sum(s["duration"] for _, s in self._stages)
+        states = [symbol(f"x{k}", self.nx) for k in range(1, shape.stages + 1)]
+        controls = [symbol(f"u{k}", self.nu) for k in range(shape.stages)]
+        cost = final_cost(states[-1], task, shape)
+        variables, rows, x = [], [], self._start
         for k, (_, s) in enumerate(self._stages):
-            cost += running_cost(X[k + 1], s["duration"] / total, self._task, self.shape)
-            cost += (
-                self._task["slack_weight"] * U[k][-1] * s["duration"] if self.shape.limited else 0.0
-            )
-            rows += [
-                X[k + 1] - dynamics(X[k], U[k], s, self._task, self.shape),
-                *self._limits(X[k], U[k], k),
-            ]
-        variables = ca.vertcat(*(v for pair in zip(U, X[1:], strict=True) for v in pair))
-        cost, limited = ca.cse(
-            [cost, ca.vertcat(*rows)]
-        )  # arcs shared by dynamics and limits: halves the Hessian
-        return {"x": variables, "p": self._p, "f": cost, "g": limited}
+            u, after = controls[k], states[k]
+            cost += running_cost(after, s["duration"] / total, task, shape)
+            if shape.limited:
+                cost += task["slack_weight"] * u[-1] * s["duration"]
+            rows += [after - dynamics(x, u, s, task, shape), *self._limits(x, u, k)]
+            variables += [u, after]
+            x = after
+        # dynamics and limits share arcs: halves the Hessian
+        cost, limited = ca.cse([cost, ca.vertcat(*rows)])
+        return {"x": ca.vertcat(*variables), "p": self._p, "f": cost, "g": limited}
 
     def _limits(self, x: SX, u: SX, k: int) -> list[SX]:
-        soft, hard = limits(
-            x, u, self._stages[k][1], self._task, self.shape, last=k == self.shape.stages - 1
-        )
+        """Rows of a stage's limits, those softened that can be."""
+        soft, hard = self._soft_and_hard(x, u, k)
         return [*(row + u[-1] for row in soft), *hard]
+
+    def _soft_and_hard(self, x: SX, u: SX, k: int) -> tuple[list[SX], list[SX]]:
+        _, s = self._stages[k]
+        return limits(x, u, s, self._task, self.shape, last=k == self.shape.stages - 1)
 
     @cached_property
     def _rows(self) -> tuple[list[int], Float[np.ndarray, " rows"]]:
-        """Number of rows of each stage beside its gap, and the upper bounds of all; the lower ones are 0."""
+        """Number of rows of each stage beside its gap, and the upper bounds of all.
+
+        The lower bounds are 0.
+        """
         x, u = ca.SX.zeros(self.nx), ca.SX.zeros(self.nu)
         limited = [len(self._limits(x, u, k)) for k in range(self.shape.stages)]
         upper = [[0.0] * self.nx + [np.inf] * n for n in limited]
         return [*limited, 0], np.concatenate(upper)
 
     @cached_property
-    def _follow(self) -> ca.Function:
-        """(controls without slack, parameters) -> variables: the states that follow, and the slacks they need; what these cost."""
-        given = symbol("u", 1 + self.shape.free_speed, self.shape.stages)
+    def _rollout(self) -> ca.Function:
+        """(controls without slack, parameters) -> variables, cost.
+
+        The variables are the states that follow, and the slacks they need, which the cost is of.
+        """
+        task, shape = self._task, self.shape
+        given = symbol("u", self.free, shape.stages)
         x, variables, cost = self._start, [], ca.SX(0.0)
         for k, (_, s) in enumerate(self._stages):
-            soft, _ = limits(
-                x, given[:, k], s, self._task, self.shape, last=k == self.shape.stages - 1
-            )
-            x, slack = dynamics(x, given[:, k], s, self._task, self.shape), []
-            if self.shape.limited:
+            u = given[:, k]
+            variables.append(u)
+            if shape.limited:
+                soft, _ = self._soft_and_hard(x, u, k)
                 broken = ca.fmax(0.0, -ca.mmin(ca.vertcat(*soft)))
-                cost, slack = (
-                    cost + self._task["slack_weight"] * s["duration"] * broken,
-                    [broken + SLACK_START],
-                )
-            variables += [given[:, k], *slack, x]
-        return ca.Function("follow", [given, self._p], [ca.vertcat(*variables), cost])
+                cost += task["slack_weight"] * s["duration"] * broken
+                variables.append(broken + SLACK_START)
+            x = dynamics(x, u, s, task, shape)
+            variables.append(x)
+        return ca.Function("rollout", [given, self._p], [ca.vertcat(*variables), cost])
 
     @cached_property
-    def _solvers(self) -> dict[str, ca.Function]:
-        return {}
+    def _fatrop(self) -> ca.Function:
+        """The solver that knows the stages."""
+        N = self.shape.stages
+        options = self._options("fatrop", mu_init=FIRST_BARRIER)
+        options["structure_detection"] = "manual"
+        options["N"] = N
+        options["nx"] = [0] + [self.nx] * N
+        options["nu"] = [self.nu] * N + [0]
+        options["ng"] = self._rows[0]
+        return ca.nlpsol("trajectory", "fatrop", self._nlp, options)
+
+    @cached_property
+    def _ipopt(self) -> ca.Function:
+        """The solver that is slower, and fails less."""
+        return ca.nlpsol("trajectory", "ipopt", self._nlp, self._options("ipopt", sb="yes"))
+
+    def _options(self, solver: str, **own: float | str) -> dict[str, Any]:
+        """Options of CasADi's, and the solver's own."""
+        covariance = self.shape.objective == "covariance"
+        own["print_level"] = 0
+        own["tol"] = TOLERANCE
+        own["max_iter"] = self.max_iterations
+        own["theta_max_fact"] = MOST_INFEASIBLE if covariance else MOST_OF_MOMENTS
+        return {
+            "print_time": False,
+            "show_eval_warnings": False,
+            "error_on_fail": False,
+            solver: own,
+        }
 
     def _solver(self, name: str) -> ca.Function:
-        """Compile a solver when it is first needed."""
-        if name not in self._solvers:
-            plain = {"print_time": False, "show_eval_warnings": False, "error_on_fail": False}
-            most = MOST_INFEASIBLE if self.shape.objective == "covariance" else MOST_OF_MOMENTS
-            own: dict[str, Any] = {
-                "print_level": 0,
-                "tol": TOLERANCE,
-                "max_iter": self.max_iterations,
-                "theta_max_fact": most,
-            }
-            if name == "ipopt":
-                options = {**plain, "ipopt": {**own, "sb": "yes"}}
-            else:
-                N = self.shape.stages
-                structure = {
-                    "N": N,
-                    "nx": [0] + [self.nx] * N,
-                    "nu": [self.nu] * N + [0],
-                    "ng": self._rows[0],
-                }
-                options = {
-                    **plain,
-                    "structure_detection": "manual",
-                    **structure,
-                    "fatrop": {**own, "mu_init": FIRST_BARRIER},
-                }
-            self._solvers[name] = ca.nlpsol("trajectory", name, self._nlp, options)
-        return self._solvers[name]
+        """A solver, compiled when it is first needed."""
+        return self._fatrop if name == "fatrop" else self._ipopt
 
     def solve(
         self,
@@ -154,37 +171,42 @@ class Program:
         parameters: Float[np.ndarray, " n"],
         bounds: Float[np.ndarray, "2 2"],
     ) -> Controls | None:
-        """Improve on a sequence; None where the solver says it failed. ``bounds``: least and greatest turn rate, and speed."""
-        free = self.shape.free_speed
-        given = np.stack([start.turn_rates, start.speeds][: 1 + free])
+        """Improve on a sequence; None where the solver says it failed.
+
+        ``bounds``: least and greatest turn rate, and speed.
+        """
         lower, upper = self._bounds(bounds)
         solver = self._solver(name)
         try:
-            guess = self._follow(given, parameters)[0].full()
-            if not (
-                np.isfinite(parameters).all() and np.isfinite(guess).all()
-            ):  # which fatrop does not return from either
+            guess = self._rollout(self._given(start), parameters)[0].full()
+            # fatrop does not return from numbers that are not finite
+            if not (np.isfinite(parameters).all() and np.isfinite(guess).all()):
                 return None
             found = solver(x0=guess, p=parameters, lbx=lower, ubx=upper, lbg=0.0, ubg=self._rows[1])
         except RuntimeError:  # whatever a solver stumbles over is a reason to try the next
             return None
         if not solver.stats()["success"]:
             return None
-        u = np.clip(
-            found["x"].full().reshape(self.shape.stages, -1)[:, : 1 + free], *bounds[:, : 1 + free]
-        )
-        return (
-            Controls(u[:, 0], u[:, 1] if free else start.speeds) if np.isfinite(u).all() else None
-        )
+        variables = found["x"].full().reshape(self.shape.stages, -1)
+        least, greatest = bounds[:, : self.free]
+        u = np.clip(variables[:, : self.free], least, greatest)
+        if not np.isfinite(u).all():
+            return None
+        return Controls(u[:, 0], u[:, 1] if self.shape.free_speed else start.speeds)
 
     def penalty(self, controls: Controls, parameters: Float[np.ndarray, " n"]) -> float:
-        """What breaking the limits, margins included, costs a sequence in the program's objective."""
-        given = np.stack([controls.turn_rates, controls.speeds][: 1 + self.shape.free_speed])
-        return float(self._follow(given, parameters)[1])
+        """Cost of breaking the limits, margins included, in the program's objective."""
+        return float(self._rollout(self._given(controls), parameters)[1])
+
+    def _given(self, controls: Controls) -> Float[np.ndarray, "free N"]:
+        """A sequence as `_rollout` takes it."""
+        return np.stack([controls.turn_rates, controls.speeds])[: self.free]
 
     def _bounds(self, bounds: Float[np.ndarray, "2 2"]) -> Float[np.ndarray, "2 n"]:
-        limit = np.full((2, self.shape.stages, self.nu + self.nx), [[[-np.inf]], [[np.inf]]])
-        limit[:, :, : 1 + self.shape.free_speed] = bounds[:, None, : 1 + self.shape.free_speed]
+        """Least and greatest values of all variables."""
+        limit = np.empty((2, self.shape.stages, self.nu + self.nx))
+        limit[0], limit[1] = -np.inf, np.inf
+        limit[:, :, : self.free] = bounds[:, None, : self.free]
         if self.shape.limited:
             limit[0, :, self.nu - 1] = 0.0
         return limit.reshape(2, -1)

@@ -1,11 +1,13 @@
-r"""Follow sequences of turns and say what they are worth: many at once, in numpy, in the units of the task.
+r"""Follow sequences of turns and say what they are worth: many at once, in the units of the task.
 
-Gramian objectives are of the position block of the squared range's Gramian (thesis 4.1), the aid vehicle's own heading being known,
+Gramian objectives are of the position block of the squared range's Gramian (thesis 4.1), the aid
+vehicle's own heading being known,
 
 .. math:: W_i = 4 \int_0^T p_i p_i^\top dt, \qquad p_i(t) = \text{aid vehicle} - \text{AUV } i,
 
-by Simpson's rule on each stage. W grows with distance: give these objectives a greatest separation. The ``covariance`` objective is the
-time mean of the trace of each AUV's predicted position covariance, ranges coming at the pings (`formulations.model.covariance`).
+by Simpson's rule on each stage. W grows with distance: give these objectives a greatest separation.
+The ``covariance`` objective is the time mean of the trace of each AUV's predicted position
+covariance, ranges coming at the pings (`formulations.model.covariance`).
 """
 
 from typing import NamedTuple
@@ -13,8 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ..metrics import EPS
 from ..model import arcs as exact
-from ..model.covariance import conditioned, courses, predicted
+from ..model.covariance import conditioned, motions, predicted
 from ..model.quadrature import MIDDLE
 from .task import Task
 
@@ -26,7 +29,7 @@ class Path(NamedTuple):
     times: Float[np.ndarray, " T"]  # from now
 
 
-def follow(
+def rollout(
     task: Task,
     turn_rates: Float[np.ndarray, "K N"],
     speeds: Float[np.ndarray, "K N"],
@@ -36,9 +39,8 @@ def follow(
     d = task.durations
     fraction = np.arange(1, points + 1) / points
     nodes = exact.path(task.pose, turn_rates, speeds, d)
-    within = exact.arcs(
-        nodes[:, :-1], turn_rates * d, speeds * d, fraction
-    )  # over a stage as unit of time
+    # a stage is the unit of time
+    within = exact.arcs(nodes[:, :-1], turn_rates * d, speeds * d, fraction)
     poses = within.reshape(len(turn_rates), -1, 3)
     times = (np.cumsum(d)[:, None] - d[:, None] * (1 - fraction)).ravel()
     return Path(np.concatenate([nodes[:, :1], poses], axis=1), np.concatenate([[0.0], times]))
@@ -55,25 +57,33 @@ def simpson_weights(durations: Float[np.ndarray, " N"]) -> Float[np.ndarray, " T
 
 def gramians(task: Task, path: Path) -> Float[np.ndarray, "K M 2 2"]:
     """Position blocks W / 4 from each sequence to each AUV."""
-    x, y = (path.poses[:, :, i, None] - task.positions[..., i] for i in (0, 1))
+    x = path.poses[:, :, 0, None] - task.positions[..., 0]
+    y = path.poses[:, :, 1, None] - task.positions[..., 1]
     weights = simpson_weights(task.durations)
-    w11, w12, w22 = (
-        np.tensordot(weights, product, axes=(0, 1)) for product in (x * x, x * y, y * y)
-    )
-    return np.stack([np.stack([w11, w12], axis=-1), np.stack([w12, w22], axis=-1)], axis=-1)
+    W = np.empty((len(x), x.shape[-1], 2, 2))
+    W[..., 0, 0] = np.tensordot(weights, x * x, axes=(0, 1))
+    W[..., 0, 1] = W[..., 1, 0] = np.tensordot(weights, x * y, axes=(0, 1))
+    W[..., 1, 1] = np.tensordot(weights, y * y, axes=(0, 1))
+    return W
 
 
 def gramian_scores(W: Float[np.ndarray, "K M 2 2"], objective: str) -> Float[np.ndarray, "K M"]:
-    """Each Gramian's score, lower is better: -log det, -log λmin or log((κ + 1)² / 4κ) = log(tr² / 4 det); inf where singular."""
-    trace, det = W[..., 0, 0] + W[..., 1, 1], W[..., 0, 0] * W[..., 1, 1] - W[..., 0, 1] ** 2
-    spread = np.hypot(W[..., 0, 0] - W[..., 1, 1], 2 * W[..., 0, 1])
+    """Each Gramian's score, lower is better; inf where it is singular.
+
+    -log det, -log λmin, or log((κ + 1)² / 4κ) = log(tr² / 4 det) for the condition number κ.
+    """
+    w11, w12, w22 = W[..., 0, 0], W[..., 0, 1], W[..., 1, 1]
+    trace = w11 + w22
+    det = w11 * w22 - w12**2
     with np.errstate(divide="ignore", invalid="ignore"):
-        scores = {
-            "log-det": lambda: -np.log(det),
-            "smallest-eigenvalue": lambda: -np.log(2 * det / (trace + spread)),
-            "condition-number": lambda: np.log(trace**2 / (4 * det)),
-        }[objective]()
-    return np.where(det > np.finfo(float).eps * trace**2, scores, np.inf)
+        if objective == "log-det":
+            scores = -np.log(det)
+        elif objective == "smallest-eigenvalue":
+            spread = np.hypot(w11 - w22, 2 * w12)
+            scores = -np.log(2 * det / (trace + spread))
+        else:
+            scores = np.log(trace**2 / (4 * det))
+    return np.where(det > EPS * trace**2, scores, np.inf)
 
 
 def condition_numbers(W: Float[np.ndarray, "K M 2 2"]) -> Float[np.ndarray, "K M"]:
@@ -90,31 +100,30 @@ def traces(task: Task, path: Path) -> Float[np.ndarray, "K M"]:
     ends = path.poses[:, 2::2, :2]
     for k, (duration, pings) in enumerate(zip(task.durations, task.pings, strict=True)):
         there = task.positions[2 * k + 2]
-        course = courses(task.headings[k], task.speeds[k])
-        P = predicted(P, course, task.process_noise, float(duration))
+        motion = motions(task.headings[k], task.speeds[k])
+        P = predicted(P, motion, task.process_noise, float(duration))
         P = conditioned(P, ends[:, k, None] - there, task.ranging, float(pings))
         total += (P[..., 0, 0] + P[..., 1, 1]) * (duration / task.durations.sum())
     return total
 
 
 def scores(task: Task, path: Path, objective: str) -> Float[np.ndarray, "K M"]:
-    """Each AUV's score under each sequence, lower is better; the task holds AUVs of positive weight alone."""
-    return (
-        traces(task, path)
-        if objective == "covariance"
-        else gramian_scores(gramians(task, path), objective)
-    )
+    """Each AUV's score under each sequence, lower is better; all AUVs must have a weight."""
+    if objective == "covariance":
+        return traces(task, path)
+    return gramian_scores(gramians(task, path), objective)
 
 
 def ramped(
     task: Task, turn_rates: Float[np.ndarray, "K N"], speeds: Float[np.ndarray, "K N"]
 ) -> Float[np.ndarray, "K N"]:
-    """The nearest sequences that the vehicle can follow: within its turning limit, each change within reach."""
+    """The nearest sequences that the vehicle can follow: within its turning limit and reach."""
     limit = speeds / task.min_turn_radius
     rates = np.clip(turn_rates, -limit, limit)
     if task.reach is None:
         return rates
     last = np.full(len(rates), task.turn_rate)
     for k, reach in enumerate(task.reach):
-        rates[:, k] = last = np.clip(rates[:, k], last - reach, last + reach)
+        last = np.clip(rates[:, k], last - reach, last + reach)
+        rates[:, k] = last
     return rates

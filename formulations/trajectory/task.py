@@ -15,7 +15,10 @@ OBJECTIVES = ("covariance", "log-det", "smallest-eigenvalue", "condition-number"
 class Task(NamedTuple):
     """One planning problem of N stages and M AUVs; ``None`` where something is not limited.
 
-    Positions of AUVs are given at the 2N + 1 ends and middles of the stages. AUVs of weight 0 count for separations alone.
+    Positions of AUVs are given at the 2N + 1 ends and middles of the stages. AUVs of weight 0 count
+    for separations alone. ``reach`` is the largest change of turn rate at the beginning of each
+    stage, ``spread`` how far an AUV may stray from its expected position before the path can
+    answer.
     """
 
     pose: Float[np.ndarray, "3"]  # of the aid vehicle: east, north [m], heading [rad]
@@ -23,18 +26,14 @@ class Task(NamedTuple):
     speed: tuple[float, float]  # least and greatest [m/s]
     min_turn_radius: float  # [m]
     durations: Float[np.ndarray, " N"]  # of the stages [s]
-    reach: (
-        Float[np.ndarray, " N"] | None
-    )  # largest change of turn rate at the beginning of each stage [rad/s]
+    reach: Float[np.ndarray, " N"] | None  # [rad/s]
     pings: Float[np.ndarray, " N"]  # number of ranges to each AUV at the end of each stage
     positions: Float[np.ndarray, "T M 2"]  # of the AUVs [m]
     headings: Float[np.ndarray, "N M"]  # of the AUVs during each stage [rad]
     speeds: Float[np.ndarray, "N M"]  # of the AUVs through the water [m/s]
     covariance: Float[np.ndarray, "M 4 4"]  # of each AUV's state now
     process_noise: Float[np.ndarray, "M 4"]  # standard deviations per square root of a second
-    spread: Float[
-        np.ndarray, " M"
-    ]  # by which an AUV may stray from its expected position before the path can answer [m]
+    spread: Float[np.ndarray, " M"]  # [m]
     weights: Float[np.ndarray, " M"]
     ranging: Ranging
     areas: Areas
@@ -58,17 +57,26 @@ def frame_of(task: Task) -> Frame:
 
 
 def in_body_frame(task: Task) -> Task:
-    """The same task seen from the aid vehicle, in its own units of length and time: its pose is 0, its speed and its longest stage 1."""
+    """The same task seen from the aid vehicle, in its own units of length and time.
+
+    Its pose is 0, its speed and its longest stage 1.
+    """
     frame, length, time = frame_of(task), task.length, task.time
-    unit = np.array([1 / length, 1 / length, 1.0, time / length])
-    squared = task.ranging.squared
-    return task._replace(
+    vehicle = task._replace(
         pose=np.zeros(3),
         turn_rate=task.turn_rate * time,
         speed=(task.speed[0] / task.speed[1], 1.0),
         min_turn_radius=task.min_turn_radius / length,
         durations=task.durations / time,
         reach=None if task.reach is None else task.reach * time,
+        areas=in_frame(task.areas, frame),
+        least=task.least / length,
+        greatest=task.greatest / length,
+    )
+    unit = np.array([1 / length, 1 / length, 1.0, time / length])  # of the state
+    squared = task.ranging.squared
+    sigma = task.ranging.sigma / (length**2 if squared else length)
+    return vehicle._replace(
         positions=frame.positions(task.positions),
         headings=task.headings - task.pose[2],
         speeds=task.speeds * time / length,
@@ -76,8 +84,5 @@ def in_body_frame(task: Task) -> Task:
         process_noise=task.process_noise * unit * np.sqrt(time),
         spread=task.spread / length,
         weights=task.weights / task.weights.sum(),
-        ranging=Ranging(task.ranging.sigma / (length**2 if squared else length), squared),
-        areas=in_frame(task.areas, frame),
-        least=task.least / length,
-        greatest=task.greatest / length,
+        ranging=Ranging(sigma, squared),
     )

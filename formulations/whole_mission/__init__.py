@@ -1,6 +1,6 @@
-"""A path for a whole mission, planned before it begins: turns by gradients from many starts (see `optimise`)."""
+"""A path for a whole mission, planned before it begins: turns by multi-start descent."""
 
-from .mission import Mission
-from .search import Plan, optimise
+from .problem import Problem
+from .search import optimise
 
-__all__ = ["Mission", "Plan", "optimise"]
+__all__ = ["Problem", "optimise"]

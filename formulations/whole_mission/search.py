@@ -1,4 +1,4 @@
-"""Search for the turns of a whole mission: descend from many starts, keep the best."""
+"""Search for the turns of a whole mission: multi-start descent along exact gradients."""
 
 import math
 from collections.abc import Callable
@@ -10,37 +10,32 @@ from typing import cast
 import numpy as np
 from jaxtyping import Float, Integer
 
-from formulations.solution import Status
-
+from ..solution import Solution, Status
 from .covariance import PredictedVariance
-from .mission import Mission
 from .path import Turns
+from .problem import Problem
 from .starts import Violation, shaken, starts
 
 PENALTIES = (1.0, 30.0, 1000.0)  # of the mean square violation, one after the other [-]
 PROBE = 1e-3  # [m]; by which positions are moved to see how the violation changes
 PROBES = PROBE * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
-FIRST, ITERATIONS, POLISH = (
-    30,
-    300,
-    3000,
-)  # of the descents from all starts, of the better ones' and of the best's
+FIRST = 30  # iterations of the descents from all starts
+ITERATIONS = 300  # of the better ones' descents
+POLISH = 3000  # of the best's
 BETTER = 3  # one of so many starts is worth going on with
-REDUCTION = 1e-8  # of the objective, relative to going straight on: where it falls by less, the descent is at its end
+REDUCTION = 1e-8  # of the objective, relative to going straight on, that a descent ends below
 PAIRS = 20  # steps remembered as curvature
-GRADIENT = 1e-7  # largest entry of the projected gradient, likewise relative, at which there is nothing to descend
-ALIKE = 1e-3  # [m]; violations that differ by less are ranked by their scores
+GRADIENT = 1e-7  # largest entry of the projected gradient, likewise relative, that ends a descent
+ALIKE = 1e-3  # [m]; violations that differ by less are ranked by their objectives
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Plan:
-    """Turns of a whole mission, each held for ``hold`` steps."""
-
-    turn_rates: Float[np.ndarray, " n"]  # [rad/s]
-    hold: int
-    score: float  # time mean of the weighted position variance [m^2]
-    violation: float  # how far the path breaks a limit at a sample [m], at least 0
-    status: Status
+REMEDIES = {
+    Status.INACCURATE: (
+        "the best descent stopped short of a local optimum; more starts or longer turns may help"
+    ),
+    Status.BEST_MANOEUVRE: (
+        "no descent improved on the best start, which is taken; more starts may help"
+    ),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,70 +49,85 @@ class Objective:
 
     @cached_property
     def unit(self) -> float:
-        """Mean variance of going straight on [m^2], which the descents' tolerances are relative to; 1 where all is known."""
-        return self.score(np.zeros(self.turns.count)) or 1.0
+        """Mean variance of going straight on [m^2], the descents' unit; 1 where all is known."""
+        return self.value(np.zeros(self.turns.count)) or 1.0
 
-    def score(self, w: Float[np.ndarray, " n"]) -> float:
+    @property
+    def penalties(self) -> tuple[float, ...]:
+        """Penalties of the descents one after the other; none without limits."""
+        return (0.0,) if self.violation is None else PENALTIES
+
+    def value(self, w: Float[np.ndarray, " n"]) -> float:
         """Mean variance [m^2]."""
-        return self.variance(self.turns.poses(w)[self.turns.mission.stages.end, :2])[0]
+        at_ranges = self.turns.poses(w)[self.turns.problem.stages.end, :2]
+        return self.variance(at_ranges)[0]
 
-    def broken(self, w: Float[np.ndarray, " n"]) -> float:
+    def primal_residual(self, w: Float[np.ndarray, " n"]) -> float:
         """How far the path breaks a limit at a sample [m], at least 0."""
-        return (
-            0.0
-            if self.violation is None
-            else max(0.0, float(self._violation(self.turns.poses(w)[:, :2]).max()))
-        )
+        if self.violation is None:
+            return 0.0
+        return max(0.0, float(self._violation(self.turns.poses(w)[:, :2]).max()))
+
+    def dual_residual(self, w: Float[np.ndarray, " n"]) -> float:
+        """Largest entry of the projected gradient [m^2] under the last penalty.
+
+        The penalty's slope stands for the multipliers (Nocedal and Wright 2006, 17.1).
+        """
+        _, gradient = self.penalised(w, self.penalties[-1])
+        return float(np.abs(np.clip(w - gradient, -1.0, 1.0) - w).max())
 
     def penalised(
         self, w: Float[np.ndarray, " n"], penalty: float
     ) -> tuple[float, Float[np.ndarray, " n"]]:
         """Mean variance and penalty [m^2], and the gradient."""
-        x, ends = self.turns.poses(w)[:, :2], self.turns.mission.stages.end
+        x = self.turns.poses(w)[:, :2]
+        ends = self.turns.problem.stages.end
         by_position = np.zeros_like(x)
         value, by_position[ends] = self.variance(x[ends])
         if self.violation is not None:
             deep = np.maximum(self._violation(x) + self.margin, 0.0)
             value += penalty * float(np.mean(deep**2))
             broken = np.flatnonzero(deep > 0)
-            by_position[1 + broken] += (
-                (2 * penalty / deep.size) * deep[broken, None] * self._slope(x, broken)
-            )
+            steepness = (2 * penalty / deep.size) * deep[broken, None]
+            by_position[1 + broken] += steepness * self._slope(x, broken)
         return value, self.turns.gradient(w, by_position)
 
     def _violation(self, x: Float[np.ndarray, "samples 2"]) -> Float[np.ndarray, " steps"]:
-        mission = self.turns.mission
-        return cast(Violation, self.violation)(
-            x[1:], np.arange(1, mission.steps + 1) * mission.time_step
-        )  # the start is where it is
+        """How far each sample breaks a limit [m], but for the first, which is where it is."""
+        problem = self.turns.problem
+        time = np.arange(1, problem.steps + 1) * problem.time_step
+        return cast(Violation, self.violation)(x[1:], time)
 
     def _slope(
         self, x: Float[np.ndarray, "samples 2"], steps: Integer[np.ndarray, " some"]
     ) -> Float[np.ndarray, "some 2"]:
-        time = (steps + 1) * self.turns.mission.time_step
-        east, west, north, south = cast(Violation, self.violation)(
-            x[1 + steps] + PROBES[:, None], time
-        )
+        """Gradient of the violation at some samples, by central differences."""
+        time = (steps + 1) * self.turns.problem.time_step
+        around = x[1 + steps] + PROBES[:, None]
+        east, west, north, south = cast(Violation, self.violation)(around, time)
         return np.stack([east - west, north - south], axis=-1) / (2 * PROBE)
 
 
 @dataclass(frozen=True, eq=False)
-class Try:
-    """Turns, whether they are a local optimum, and what they are worth."""
+class Candidate:
+    """Turns, what is known of their optimality, and what they are worth."""
 
     w: Float[np.ndarray, " n"]
     status: Status
-    broken: float  # [m]
-    score: float  # [m^2]
+    violation: float  # [m], at least 0
+    value: float  # mean variance [m^2]
 
 
-def rank(tried: Try) -> tuple[int, float]:
-    """What is better comes first: less violation, in steps of `ALIKE` the first of which is none at all, then less variance."""
-    return math.ceil(tried.broken / ALIKE), tried.score
+def rank(candidate: Candidate) -> tuple[int, float]:
+    """What is better comes first: less violation, in steps of `ALIKE`, then less variance.
+
+    The first of these steps is no violation at all.
+    """
+    return math.ceil(candidate.violation / ALIKE), candidate.value
 
 
 def optimise(
-    mission: Mission,
+    problem: Problem,
     *,
     hold: int,
     count: int,
@@ -125,60 +135,81 @@ def optimise(
     violation: Violation | None = None,
     margin: float = 0.0,
     progress: Callable[[int, int], None] = lambda _done, _all: None,
-) -> Plan:
-    """Find turns, each held for ``hold`` steps, for the least time mean of the AUVs' predicted position variance.
+) -> Solution:
+    """Find turns for the least time mean of the AUVs' predicted position variance.
 
-    From each start (`starts`) a bounded quasi-Newton method (L-BFGS-B: Byrd, Lu, Nocedal and Zhu 1995) descends along exact gradients: the
-    covariance recursion's by CasADi, the path's in closed form; the better ones go on. What is left of ``count`` descents begins at the
-    best, some of its turns shaken, and the best's own goes on to the end. Limits are penalties on the square of their violation at the
-    mission's samples, plus ``margin`` [m], in rising weights; of the results those that violate least are kept, and of these the best.
-    It is a local optimum: nothing is proven about the global one.
+    From each start (`starts`) a bounded quasi-Newton method (L-BFGS-B: Byrd, Lu, Nocedal and Zhu
+    1995) descends along exact gradients: the covariance recursion's by CasADi, the path's in closed
+    form; the better ones go on. What is left of ``count`` descents begins at the best, some of its
+    turns shaken, and the best's own goes on to the end. Limits are penalties on the square of their
+    violation at the mission's samples, plus ``margin`` [m], in rising weights; of the results those
+    that violate least are kept, and of these the best. It is a local optimum: nothing is proven
+    about the global one.
 
     Parameters
     ----------
-    mission, hold, count, random
-        What is known; steps that a turn lasts; number of descents, at least 1; where shaken and random turns come from.
+    problem
+        What is known before the mission begins.
+    hold
+        Samples that a turn lasts.
+    count
+        Number of descents, at least 1.
+    random
+        Where shaken and random turns come from.
     violation
-        How far [m] positions at times [s] of the mission are on the wrong side of a limit, at most 0 where they are right.
+        How far [m] positions at times [s] of the mission are on the wrong side of a limit, at most
+        0 where they are right.
     progress
         Called after each descent with (iterations allowed so far, iterations allowed in all).
+
+    Returns
+    -------
+    ``x``: turn rates [rad/s], each held for ``hold`` samples. ``objective``: the mean variance
+    [m^2]. Primal residual: how far the path breaks a limit at a sample [m]. Dual residual: largest
+    entry of the projected gradient, by turns in units of the vehicle's limit [m^2].
     """
-    turns = Turns(mission, hold)
-    objective = Objective(turns, PredictedVariance(mission), violation, margin)
+    turns = Turns(problem, hold)
+    objective = Objective(turns, PredictedVariance(problem), violation, margin)
     begun = [
         assess(objective, w, Status.BEST_MANOEUVRE)
         for w in islice(starts(turns, random, violation), count)
     ]
-    going_on, shakes = -(-len(begun) // BETTER), count - len(begun)
-    allowed, done = FIRST * len(begun) + ITERATIONS * (going_on + shakes + 1), 0
+    going_on = -(-len(begun) // BETTER)
+    shakes = count - len(begun)
+    allowed = FIRST * len(begun) + ITERATIONS * (going_on + shakes + 1)
+    done = 0
 
-    def descended(w: Float[np.ndarray, " n"], iterations: int = ITERATIONS) -> Try:
+    def descended(w: Float[np.ndarray, " n"], iterations: int = ITERATIONS) -> Candidate:
         nonlocal done
         found = descend(objective, w, iterations)
         done += min(iterations, ITERATIONS)  # the last descent is seldom longer than the others
         progress(done, allowed)
         return found
 
-    rough = sorted((descended(one.w, FIRST) for one in begun), key=rank)
-    best = min((*begun, *(descended(one.w) for one in rough[:going_on])), key=rank)
+    rough = sorted((descended(start.w, FIRST) for start in begun), key=rank)
+    better = [descended(candidate.w) for candidate in rough[:going_on]]
+    best = min((*begun, *better), key=rank)
     for _ in range(shakes):
         best = min(best, descended(shaken(best.w, random)), key=rank)
     best = min(descended(best.w, POLISH), best, key=rank)
-    return Plan(
-        turn_rates=best.w * mission.max_turn_rate,
-        hold=hold,
-        score=best.score,
-        violation=best.broken,
-        status=Status.VIOLATED if best.broken > 0 else best.status,
+    return Solution(
+        x=best.w * problem.max_turn_rate,
+        objective=best.value,
+        status=Status.VIOLATED if best.violation > 0 else best.status,
+        primal_residual=best.violation,
+        dual_residual=objective.dual_residual(best.w),
+        remedies=REMEDIES,
     )
 
 
-def assess(objective: Objective, w: Float[np.ndarray, " n"], status: Status) -> Try:
+def assess(objective: Objective, w: Float[np.ndarray, " n"], status: Status) -> Candidate:
     """What turns are worth."""
-    return Try(w, status, objective.broken(w), objective.score(w))
+    return Candidate(w, status, objective.primal_residual(w), objective.value(w))
 
 
-def descend(objective: Objective, w: Float[np.ndarray, " n"], iterations: int = ITERATIONS) -> Try:
+def descend(
+    objective: Objective, w: Float[np.ndarray, " n"], iterations: int = ITERATIONS
+) -> Candidate:
     """A local minimiser, or where the iterations ended."""
     from scipy.optimize import minimize
 
@@ -186,22 +217,25 @@ def descend(objective: Objective, w: Float[np.ndarray, " n"], iterations: int = 
         value, gradient = objective.penalised(w, penalty)
         return value / objective.unit, gradient / objective.unit
 
+    options = {
+        "maxiter": iterations,
+        "maxfun": 2 * iterations,
+        "ftol": REDUCTION,
+        "gtol": GRADIENT,
+        "maxcor": PAIRS,
+    }
+    bounds = [(-1.0, 1.0)] * w.size
     success = True
-    for penalty in (0.0,) if objective.violation is None else PENALTIES:
+    for penalty in objective.penalties:
         result = minimize(
             scaled,
             w,
             args=(penalty,),
             jac=True,
             method="L-BFGS-B",
-            bounds=[(-1.0, 1.0)] * w.size,
-            options={
-                "maxiter": iterations,
-                "maxfun": 2 * iterations,
-                "ftol": REDUCTION,
-                "gtol": GRADIENT,
-                "maxcor": PAIRS,
-            },
+            bounds=bounds,
+            options=options,
         )
-        w, success = np.clip(result.x, -1.0, 1.0), bool(result.success)
+        w = np.clip(result.x, -1.0, 1.0)
+        success = bool(result.success)
     return assess(objective, w, Status.OPTIMAL if success else Status.INACCURATE)

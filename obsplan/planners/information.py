@@ -88,17 +88,16 @@ class InformationHorizon:
             beam_width=self.beam_width,
             **self._limits(state, turn_rates, auvs),
         )
-        if not np.isfinite(best.score):  # a drift or a process noise is no number
+        if not np.isfinite(best.objective):  # a drift or a process noise is no number
             return straight_on(cna, pose, Status.INVALID_INPUT, len(auvs))
-        turn_rate = float(best.turn_rates[0])
+        turn_rate = float(best.x[0])
         nothing = np.full(len(auvs), np.nan)
-        status = Status.VIOLATED if best.first_violation > 0 else Status.OPTIMAL
         return Decision(
             turn_rate=turn_rate,
             speed=cna.speed,
             predict=lambda: best.poses,
-            score=best.score,
-            status=status,
+            score=best.objective,
+            status=best.status,
             condition=nothing,
         )
 

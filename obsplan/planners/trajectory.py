@@ -9,8 +9,16 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 
 from formulations.model.schedule import ROUNDING, intervals, time_to_next
-from formulations.solution import Status
-from formulations.trajectory import Areas, Controls, Limits, Outcome, Task, convex_areas, optimise
+from formulations.solution import Solution, Status
+from formulations.trajectory import (
+    Areas,
+    Controls,
+    PathLimits,
+    Task,
+    convex_areas,
+    freer_side,
+    optimise,
+)
 from obsplan.constraints import Constraints, Disc, Polygon, loiter_violation
 from obsplan.planning.checks import check_at_least, check_choices, check_positive
 from obsplan.planning.fallback import straight_on, unusable
@@ -105,28 +113,29 @@ class Trajectory:
             self._memory.clear()
             return straight_on(self.situation.cna, pose, Status.INVALID_INPUT, len(auvs))
         last = self._memory.pop("plan", None)
+        limits = self._limits(auvs) if self.constraints else None
         found = optimise(
             task,
             self.objective,
-            limits=self._limits(auvs) if self.constraints else None,
+            limits=limits,
             last=None if last is None else last.shifted(time, durations, self.situation.cna),
             max_iterations=self.max_iterations,
             hurry=lambda: self.deadline is not None and perf_counter() - began > self.deadline,
         )
-        side = found.side if self.constraints else 0.0
+        side = float(freer_side(limits.terminal(found.poses[-1:]))[0]) if limits else 0.0
         self._memory["plan"] = _Plan(
-            time, time + np.cumsum(durations), found.turn_rates, found.speeds, side
+            time, time + np.cumsum(durations), found.x[:, 0], found.x[:, 1], side
         )
         return self._decision(found)
 
-    def _decision(self, found: Outcome) -> Decision:
-        speed = float(found.speeds[0])
+    def _decision(self, found: Solution) -> Decision:
+        turn_rate, speed = found.x[0].tolist()
         limit = speed / self.situation.cna.min_turn_radius
         return Decision(
-            turn_rate=min(max(float(found.turn_rates[0]), -limit), limit),
+            turn_rate=min(max(turn_rate, -limit), limit),
             speed=speed,
             predict=lambda: found.poses,
-            score=found.score,
+            score=found.objective,
             status=found.status,
             condition=found.condition,
         )
@@ -201,14 +210,14 @@ class Trajectory:
         corners = None if fence is None else np.array(fence.points, dtype=float)
         return convex_areas(discs.reshape(-1, 3), polygons, corners)
 
-    def _limits(self, auvs: Sequence[Belief]) -> Limits:
+    def _limits(self, auvs: Sequence[Belief]) -> PathLimits:
         """The constraints, the AUVs being where they are expected."""
         ahead, room = expected(auvs)
-        return Limits(
+        return PathLimits(
             along=lambda positions, times: self.constraints.violation(
                 positions, ahead(times), room
             ),
-            after=lambda poses: loiter_violation(
+            terminal=lambda poses: loiter_violation(
                 self.constraints, poses, self.situation.cna.min_turn_radius
             ),
         )

@@ -12,7 +12,8 @@ from jaxtyping import Float
 from formulations.model.arcs import path
 from formulations.model.frames import Frame
 from formulations.model.schedule import ROUNDING, intervals, is_multiple
-from formulations.whole_mission import Mission, Plan, optimise
+from formulations.solution import Solution
+from formulations.whole_mission import Problem, optimise
 from obsplan.constraints import Constraints
 from obsplan.planning.checks import check_at_least
 from obsplan.planning.fallback import unusable
@@ -143,19 +144,19 @@ class WholeMission:
         cna, filed = self.situation.cna, self.filed
         frame = frame_at(pose, filed)
         first = min(round(time / filed.time_step), filed.time.size - 2)
+        hold = round(self.turn_duration / filed.time_step)
         plan = optimise(
             self._mission(frame, first),
-            hold=round(self.turn_duration / filed.time_step),
+            hold=hold,
             count=self.starts,
             random=np.random.default_rng(self.search_seed),
             violation=Limits(self, frame, first) if self.constraints else None,
             margin=MARGIN * cna.min_turn_radius,
             progress=progress,
         )
-        turn_rates = frame.mirror * plan.turn_rates
-        return Voyage(cna, pose, time, turn_rates, plan.hold * filed.time_step, plan)
+        return Voyage(cna, pose, time, frame.mirror * plan.x, hold * filed.time_step, plan)
 
-    def _mission(self, frame: Frame, first: int) -> Mission:
+    def _mission(self, frame: Frame, first: int) -> Problem:
         """What is known from a sample on, as seen by the vehicle there."""
         filed, cna = self.filed, self.situation.cna
         steps = self.situation.ping_interval / filed.time_step
@@ -164,7 +165,7 @@ class WholeMission:
         courses = np.stack([np.cos(filed.heading[after]), np.sin(filed.heading[after])], axis=-1)
         total = filed.weights.sum()
         alike = np.full(filed.weights.size, 1 / filed.weights.size)
-        return Mission(
+        return Problem(
             time_step=filed.time_step,
             position=np.round(frame.positions(filed.position[after]), PLACES),
             heading=np.round(frame.directions(courses), PLACES),
@@ -266,7 +267,7 @@ class Voyage:
     begin: float  # [s]
     turn_rates: Float[np.ndarray, " n"]  # [rad/s]
     duration: float  # of each turn [s]
-    plan: Plan
+    plan: Solution
 
     def passes(self, pose: Pose, time: float) -> bool:
         """Whether the plan has the vehicle at a pose at a time."""
@@ -302,7 +303,7 @@ class Voyage:
             turn_rate=self.turn_rate(time),
             speed=self.cna.speed,
             predict=partial(self.poses, pose, time, end),
-            score=self.plan.score,
+            score=self.plan.objective,
             status=self.plan.status,
             condition=np.full(n_auvs, np.nan),
         )

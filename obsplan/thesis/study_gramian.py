@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from formulations.gramian.range import DisplacementMoments, gramian_entries
 from formulations.metrics import score_expression
+from formulations.model.frames import to_body
 from formulations.solution import Status
 from obsplan.planning.expressions import Command, Targets, decide
 from obsplan.planning.fallback import two_thirds_turn
@@ -106,7 +107,7 @@ class EulerHorizon:
         c, s = ca.cos(pose[2]), ca.sin(pose[2])
         conditions = score_expression(
             "condition-number",
-            gramian_entries(self.moments(), (c * east + s * north, c * north - s * east)),
+            gramian_entries(self.moments(), to_body(c, s, east, north)),
         )
         turn_rate, best, chosen = ca.SX(0.0), ca.SX(ca.inf), ca.SX.inf(1, conditions.shape[1])
         for k, candidate in enumerate(self.candidates):

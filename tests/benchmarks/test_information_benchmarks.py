@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import obsplan as op
-from formulations.beam_search import Manoeuvre, branching
+from formulations.beam_search import branching
 from formulations.model import casadi
+from formulations.solution import Solution, Status
 from obsplan.planners import information
 
 CNA = op.Unicycle(speed=1.5, min_turn_radius=5.0)
@@ -70,7 +71,7 @@ def in_numpy(
         P = ranged(P[parent], x[parent, turn], ranging.sigma, pings)
         poses, cost = ends[parent, turn], total[keep]
         turns = np.column_stack([turns[parent], turn_rates[turn]])
-    return Manoeuvre(turns[0], poses[:1], float(cost[0]), 0.0, 0.0)
+    return Solution(x=turns[0], objective=float(cost[0]), status=Status.OPTIMAL, poses=poses[:1])
 
 
 def ranged(P, x, sigma, pings):

@@ -14,7 +14,7 @@ import pytest
 
 import obsplan as op
 from formulations.solution import Status
-from formulations.trajectory import ladder
+from formulations.trajectory import search
 from obsplan.constraints import Constraints, Disc
 
 STEP, DECISIONS = 0.25, 20
@@ -72,7 +72,9 @@ def test_decision(benchmark, monkeypatch, objective, count, by):
     met = flown(asked, auvs)
     if by == "IPOPT, cold":
         monkeypatch.setattr(
-            ladder, "_rungs", lambda _tried, k, _best, **_: [([k], "ipopt", Status.SECOND_SOLVER)]
+            search,
+            "_attempts",
+            lambda _tried, k, _best, **_: [search.Attempt([k], "ipopt", Status.SECOND_SOLVER)],
         )
     endless = itertools.cycle(met)
 

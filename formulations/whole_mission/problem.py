@@ -1,0 +1,158 @@
+r"""A mission as known before it begins, and what becomes of the AUVs' covariances between ranges.
+
+State of an AUV: (east, north [m], heading [rad], speed through the water [m/s]). Each sample of the
+mission, its filter predicts,
+
+.. math:: P \leftarrow F P F^\top + Q, \quad F = I + A \Delta t,
+
+A having the columns (-V sin ψ, V cos ψ) and (cos ψ, sin ψ) of the heading and the speed, and
+corrects by the compass. Any number of such samples amounts to one reading of the first heading of
+information h, followed by one prediction:
+
+.. math:: P \leftarrow \bar F \Bigl(P - \frac{h\, p_3 p_3^\top}{1 + h P_{33}}\Bigr) \bar F^\top
+          + \bar Q,
+
+p_3 being the heading's column of P. (F̄, Q̄) is the filter begun with a known state, and h what its
+readings tell of the state it began with. None of it depends on where the aid vehicle is. (Linear
+fractional form of the Riccati equation: Kailath, Sayed and Hassibi 2000, chapter 17.)
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Integer
+
+from ..model.covariance import Ranging
+from ..model.quadrature import simpson
+
+HEADING = 2  # index in the state
+MOST_STAGES = 400  # steps of the covariance recursion; more ranges than that are taken together
+
+
+class Maps(NamedTuple):
+    """What intervals without ranges do to the covariances of M AUVs; see the module."""
+
+    transition: Float[np.ndarray, "S M 4 4"]  # F̄
+    noise: Float[np.ndarray, "S M 4 4"]  # Q̄
+    heading: Float[np.ndarray, "S M"]  # h [1/rad^2]
+
+
+class MissionStages(NamedTuple):
+    """The mission cut at its ranges, which end each stage; the last stage perhaps has none.
+
+    ``share`` is of the mission's time: of the beginning, middle and end of each stage, before its
+    ranges.
+    """
+
+    end: Integer[np.ndarray, " S"]  # sample
+    pings: Integer[np.ndarray, " S"]  # number of ranges to each AUV
+    halves: tuple[Maps, Maps]
+    share: Float[np.ndarray, "S 3"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Problem:
+    """What is known before a mission begins, at K + 1 samples of M AUVs, and of the aid vehicle.
+
+    ``process_noise`` has standard deviations per square root of a second; ``pings`` are the samples
+    at which ranges are measured, none the first; weights sum to one.
+    """
+
+    time_step: float  # [s]
+    position: Float[np.ndarray, "samples M 2"]  # [m]
+    heading: Float[np.ndarray, "samples M 2"]  # unit vectors, of the step that begins at the sample
+    speed: Float[np.ndarray, "samples M"]  # through the water [m/s]
+    covariance: Float[np.ndarray, "M 4 4"]
+    process_noise: Float[np.ndarray, "M 4"]
+    weights: Float[np.ndarray, " M"]
+    compass: float  # standard deviation [rad]
+    ranging: Ranging
+    pings: Integer[np.ndarray, " N"]
+    ping_every: int  # samples between ranges
+    start: Float[np.ndarray, "3"]  # of the aid vehicle: east, north [m], heading [rad]
+    cna_speed: float  # [m/s]
+    max_turn_rate: float  # [rad/s]
+
+    @property
+    def steps(self) -> int:
+        """Samples after the first."""
+        return len(self.position) - 1
+
+    @property
+    def first_ping(self) -> int:
+        """Sample of the first range; the mission's last where there is none."""
+        return int(self.pings[0]) if self.pings.size else self.steps
+
+    @cached_property
+    def stages(self) -> MissionStages:
+        """The mission cut at its ranges.
+
+        Where there are too many, an odd number of them counts as measured at the middle one.
+        """
+        size = group_size(self.pings.size)
+        end, pings = [], []
+        for first in range(0, self.pings.size, size):
+            group = self.pings[first : first + size]
+            end.append(int(group[(len(group) - 1) // 2]))
+            pings.append(len(group))
+        if not end or end[-1] < self.steps:
+            end.append(self.steps)
+            pings.append(0)
+        begin = np.array([0, *end[:-1]])
+        stop = np.array(end)
+        middle = begin + (stop - begin) // 2
+        lasts = (stop - begin) / self.steps
+        share = simpson(middle - begin, stop - middle) * lasts[:, None]
+        halves = self.maps(begin, middle), self.maps(middle, stop)
+        return MissionStages(stop, np.array(pings), halves, share)
+
+    def maps(self, begin: Integer[np.ndarray, " S"], end: Integer[np.ndarray, " S"]) -> Maps:
+        """What the intervals from samples ``begin`` to ``end`` do to the covariances."""
+        shape = len(begin), len(self.weights)
+        T = np.broadcast_to(np.eye(4), (*shape, 4, 4)).copy()
+        Q = np.zeros((*shape, 4, 4))
+        h = np.zeros(shape)
+        random_walk = self.process_noise[..., None] ** 2 * np.eye(4) * self.time_step
+        for step in range(int(np.max(end - begin, initial=0))):
+            now = np.flatnonzero(begin + step < end)
+            F = self._transitions[begin[now] + step]
+            t = F @ T[now]
+            q = F @ Q[now] @ F.swapaxes(-1, -2) + random_walk
+            innovation = q[..., HEADING, HEADING] + self.compass**2
+            gain = q[..., HEADING] / innovation[..., None]
+            h[now] += t[..., HEADING, HEADING] ** 2 / innovation
+            T[now] = t - gain[..., None] * t[..., HEADING, None, :]
+            Q[now] = q - gain[..., None] * q[..., HEADING, None, :]
+        return Maps(T, Q, h)
+
+    @cached_property
+    def _transitions(self) -> Float[np.ndarray, "steps M 4 4"]:
+        """F of each step."""
+        dt = self.time_step
+        speed = self.speed[:-1]
+        east, north = np.moveaxis(self.heading[:-1], -1, 0)
+        F = np.broadcast_to(np.eye(4), (*east.shape, 4, 4)).copy()
+        F[..., 0, 2] = -speed * north * dt
+        F[..., 1, 2] = speed * east * dt
+        F[..., 0, 3] = east * dt
+        F[..., 1, 3] = north * dt
+        return F
+
+
+def group_size(pings: int) -> int:
+    """How many ranges are taken together, so that there are no more than `MOST_STAGES` stages."""
+    if pings <= MOST_STAGES:
+        return 1
+    least = -(-pings // MOST_STAGES)
+    return least // 2 * 2 + 1
+
+
+def advance(P: Float[np.ndarray, "M 4 4"], maps: Maps, stage: int) -> Float[np.ndarray, "M 4 4"]:
+    """Covariances after one of the intervals."""
+    T, Q, h = (part[stage] for part in maps)
+    column = P[..., HEADING]
+    gain = h / (1 + h * column[..., HEADING])
+    known = P - gain[:, None, None] * column[..., :, None] * column[..., None, :]
+    return T @ known @ T.swapaxes(-1, -2) + Q
