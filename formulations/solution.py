@@ -1,7 +1,7 @@
 """What a solver returns: the solution with its own residuals, and a status that says what to do."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
@@ -115,8 +115,10 @@ class Solution:
     primal_residual: float = 0.0
     dual_residual: float = NAN
     duality_gap: float = NAN
-    poses: Float[np.ndarray, "nodes 3"] | None = None  # of a path: east, north [m], heading [rad]
-    condition: Float[np.ndarray, " M"] | None = None  # number of each AUV's Gramian, where there is
+    # of a path: east, north [m], heading [rad]; none where there is no path
+    poses: Float[np.ndarray, "nodes 3"] = field(default_factory=lambda: np.empty((0, 3)))
+    # number of each AUV's Gramian, where there is one
+    condition: Float[np.ndarray, " M"] = field(default_factory=lambda: np.empty(0))
     remedies: Mapping[Status, str] | None = None  # advice of this solver in particular
 
     @classmethod

@@ -164,6 +164,7 @@ def test_a_vehicle_may_stand(short):
 # --- wider turns -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [10.0, 15.0, 30.0])
 def test_wider_turns_are_kept_and_the_plan_is_not_left_behind(radius):
     run = simulate(load("harbor-survey", planner="random"))

@@ -197,6 +197,7 @@ def test_changed_scenario_never_mixes_with_what_it_was(tmp_path, pond, address):
     assert tables(tmp_path / "out") == before
 
 
+@pytest.mark.slow
 def test_failed_missions_are_listed_left_out_and_flown_again(tmp_path, pond, address):
     arguments = (
         pond,
@@ -270,6 +271,7 @@ def test_file_that_is_no_store_is_refused_and_left_alone(tmp_path, pond):
         fly_campaign(plan_cells([pond]), tmp_path)
 
 
+@pytest.mark.slow
 def test_folder_that_cannot_be_made_is_one_sentence(pond):
     _, err = finish(
         start(pond, "--out", "/proc/campaign"), code=2
@@ -359,6 +361,7 @@ def test_columns_are_numbers_only_if_nothing_else_is_in_them():
     assert uniform([1, "a", None, [0.5, 1.0], True]) == ["1", "a", None, "[0.5, 1.0]", "true"]
 
 
+@pytest.mark.slow
 def test_seeds_give_planners_the_same_noise(tmp_path, pond, address):
     """The noise is told from the first error, which is drawn before any planner acts."""
     fly_campaign(plan_cells([pond], planners=PLANNERS, runs=4), tmp_path / "out", scheduler=address)

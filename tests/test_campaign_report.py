@@ -94,6 +94,7 @@ def grid():
     )
 
 
+@pytest.mark.slow
 def test_interval_of_a_median_covers_it_as_often_as_it_says():
     """Of 400 samples of 41 from a known law, 95 % of intervals hold its median; four standard errors of that share are 0.044."""
     rng = np.random.default_rng(1)
@@ -211,6 +212,7 @@ def told(table):
     return sentences(table, paired(table))
 
 
+@pytest.mark.slow
 def test_sentences_name_the_leader_its_margin_and_what_failed():
     errors = {
         ("pond", name): [base + 0.01 * k for k in range(13)]
@@ -265,6 +267,7 @@ def test_too_few_seeds_are_said_to_be_too_few_and_enough_are_not(planners, least
     assert "beyond chance" in enough
 
 
+@pytest.mark.slow
 def test_planner_that_broke_a_limit_never_leads_unmarked():
     errors = {("pond", name): [base + 0.01 * k for k in range(13)] for name, base in (("a", 1.0), ("b", 2.0), ("c", 3.0))}  # fmt: skip
     table = table_of(errors, violation=-1.0)

@@ -174,6 +174,7 @@ def flight(constraints, interval, steps, seed, auvs=lambda _now: nowhere, start=
     yield always, None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("interval", [0.3, 1.0, 4.0, 20.0])
 def test_from_a_safe_pose_some_turn_is_always_safe_and_what_is_called_safe_is(interval):
     limits = Constraints(keep_out=LIMITS.keep_out, geofence=LIMITS.geofence)
@@ -200,6 +201,7 @@ def test_without_looking_at_the_circles_the_vehicle_gets_caught():
     assert caught >= 4
 
 
+@pytest.mark.slow
 def test_turns_called_safe_keep_their_distance_from_auvs_that_move():
     limits = Constraints(min_separation=5.0, max_separation=60.0)
 

@@ -121,6 +121,7 @@ def test_every_planner_is_public():
         assert getattr(op, name) is getattr(importlib.import_module(module), name)
 
 
+@pytest.mark.slow
 def test_public_names_and_runs_load_neither_matplotlib_nor_pandas():
     code = "import obsplan, obsplan.run, sys; print(*{'matplotlib', 'pandas', 'rich', 'xarray'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -247,6 +247,7 @@ def test_keeps_out_and_within_the_fence_also_between_decisions(knowledge, interv
     assert max(violation(place) for _, place in between(free)) > 3.0  # the limits do limit
 
 
+@pytest.mark.slow
 def test_keeps_its_separation_from_auvs_whose_survey_it_knows():
     quiet = {
         f"auv__{i}__process_noise": {"position": 0.0, "heading_deg": 0.0, "speed": 0.0}
@@ -287,6 +288,7 @@ def test_keeps_its_separation_from_auvs_whose_survey_it_knows():
     assert not (runs[0].status == Status.VIOLATED).any()
 
 
+@pytest.mark.slow
 def test_from_within_a_keep_out_it_says_so_and_leaves():
     mission = scenario(
         planner={"kind": "information", "interval": 1.0, "knowledge": "survey"},

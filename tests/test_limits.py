@@ -77,6 +77,7 @@ def test_where_every_turn_breaks_a_limit_the_least_violating_is_flown_and_the_st
     assert decision.turn_rate == -0.4  # away from the centre, which is to the left
 
 
+@pytest.mark.slow
 def test_a_keep_out_is_never_the_price_of_a_separation_that_cannot_be_kept():
     """A turn that keeps clear of the shoal is flown wherever there is one, though the AUV is nearer then."""
     rng, tempted = np.random.default_rng(7), 0

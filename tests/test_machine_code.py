@@ -91,6 +91,7 @@ def test_another_compiler_makes_another_library(cache, tmp_path, monkeypatch):
     assert len(list(cache.iterdir())) == 2
 
 
+@pytest.mark.slow
 def test_many_at_once_build_whole_libraries(cache):
     code = f"import sys; sys.path[:0] = {sys.path!r}\nimport test_machine_code as t\nt.machine_code(t.pendulum())(1, 1)"
     run = lambda _: subprocess.run([sys.executable, "-c", code], check=True, env=os.environ)  # noqa: E731

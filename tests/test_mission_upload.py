@@ -26,6 +26,7 @@ def test_a_vehicle_without_room_refuses_and_stores_nothing(tmp_path):
     assert stored == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("room", [500, 40])
 def test_what_is_simplified_to_a_vehicles_room_fits_it(tmp_path, room):
     turns = np.linspace(0.0, 40.0, 1601)

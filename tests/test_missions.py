@@ -120,6 +120,7 @@ def test_a_missing_file_a_folder_and_an_impossible_name_are_told_apart(save, tmp
         read_mission(tmp_path / "a\0.plan")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", READERS)
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(
@@ -171,6 +172,7 @@ WHOLE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", WHOLE)
 @settings(
     suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=300

@@ -269,6 +269,7 @@ def test_what_jumps_change_is_said(tmp_path, name):
     assert said(lost, "jumps to an item that is not in the file, passed over: .*, ")
 
 
+@pytest.mark.slow
 @both_formats
 def test_jumps_and_circles_are_bounded(tmp_path, name):
     times = jumps.MOST_REPEATED // 3

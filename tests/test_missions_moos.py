@@ -218,6 +218,7 @@ def test_a_bad_behaviour_is_refused_in_one_sentence_that_says_where_what_and_how
     check_refused(tmp_path, "a.bhv", *BAD[case])
 
 
+@pytest.mark.slow
 def test_damaged_behaviours_give_a_mission_or_our_error(tmp_path):
     content = (
         behaviour("speed = 1.2", f"points = {LISTED}", "repeat = 2")

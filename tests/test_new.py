@@ -249,6 +249,7 @@ def test_the_template_names_every_planner(new):
     assert set(PLANNERS) <= set(comment.replace("#", " ").replace(",", " ").split())
 
 
+@pytest.mark.slow
 def test_what_is_written_flies(new):
     new(geographic(geofences=(SQUARE,), keep_outs=(ROCK,), track={"speed": np.arange(1.0, 6.0)}))
     run = simulate(load("s.toml", settings=["duration=40.0"]), planner="information")

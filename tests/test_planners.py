@@ -22,6 +22,10 @@ ONE_SIDED = {
     "circle",
     "random",
 }  # go their way in a mirror, too: the mirror image is another planner
+SEARCHES = {"trajectory", "whole-mission"}  # their decisions take a solver's time
+FEW = {"whole-mission": {"starts": 2}}  # options that make searches short
+WORLDS = {name: 3 for name in SEARCHES}  # that a search is asked of
+LASTS = {name: 6.0 for name in SEARCHES}  # flights of a search [s]
 BESIDES = [
     ("path-inertia", {"gamma": 0.0}),
     ("path-inertia", {"change_weight": 0.5}),
@@ -43,11 +47,20 @@ def variants():
             )
 
 
+def marks(name):
+    return [pytest.mark.slow] if name in SEARCHES else []
+
+
 every_planner = pytest.mark.parametrize(
     ("name", "options"),
-    [pytest.param(*v, id="-".join(map(str, [v[0], *v[1].values()]))) for v in variants()],
+    [
+        pytest.param(*v, id="-".join(map(str, [v[0], *v[1].values()])), marks=marks(v[0]))
+        for v in variants()
+    ],
 )
-every_plain_planner = pytest.mark.parametrize("name", PLANNERS)
+every_plain_planner = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=marks(name)) for name in PLANNERS]
+)
 
 
 def world(rng):
@@ -62,7 +75,7 @@ def world(rng):
 def built(name, options, legs):
     """The planner as a scenario with these surveys builds it."""
     mission = scenario(
-        planner={"kind": name, **options},
+        planner={"kind": name} | FEW.get(name, {}) | options,
         auv__0__survey={"kind": "waypoints", "points": legs[0].tolist()},
         auv__1__survey={"kind": "waypoints", "points": legs[1].tolist()},
     )
@@ -118,7 +131,7 @@ def same(a, b):
 def test_decision_is_finite_within_the_limits_and_starts_where_the_vehicle_is(name, options):
     rng = np.random.default_rng(1)
     limit = 2.0 / 5.0  # of the scenario's vehicle
-    for _ in range(20):
+    for _ in range(WORLDS.get(name, 20)):
         pose, legs = world(rng)
         planner = built(name, options, legs)
         decision = planner.plan(pose, beliefs(legs), time=3.0)
@@ -136,7 +149,7 @@ def test_decision_is_finite_within_the_limits_and_starts_where_the_vehicle_is(na
 @every_planner
 def test_predicted_path_begins_on_the_arc_of_the_decision(name, options):
     rng = np.random.default_rng(2)
-    for _ in range(5):
+    for _ in range(WORLDS.get(name, 5)):
         pose, legs = world(rng)
         decision = built(name, options, legs).plan(pose, beliefs(legs))
         if decision.speed == 0:
@@ -166,7 +179,7 @@ def test_same_question_gets_the_same_answer_also_from_an_equal_planner(name, opt
 @every_planner
 def test_planner_turns_with_the_world(name, options):
     rng = np.random.default_rng(4)
-    for _ in range(10):
+    for _ in range(WORLDS.get(name, 10)):
         pose, legs = world(rng)
         there, moved = turned(pose, legs, 0.7, np.array([31.0, -17.0]))
         here = built(name, options, legs).plan(pose, beliefs(legs))
@@ -185,7 +198,7 @@ def test_planner_turns_the_other_way_in_the_mirror(name, options):
     if name in ONE_SIDED:
         return
     rng = np.random.default_rng(5)
-    for _ in range(10):
+    for _ in range(WORLDS.get(name, 10)):
         pose, legs = world(rng)
         there, moved = mirrored(pose, legs)
         here, mirror = (
@@ -316,11 +329,12 @@ def test_a_hundred_auvs_are_no_obstacle(name):
 def test_folded_into_the_step_or_called_between_steps_the_run_is_the_same_to_the_last_bit(
     name, options, knowledge
 ):
-    mission = scenario(planner={"kind": name, "interval": 1.0, "knowledge": knowledge, **options})
+    planner = {"kind": name, "interval": 1.0, "knowledge": knowledge} | FEW.get(name, {}) | options
+    mission = scenario(planner=planner, duration=LASTS.get(name, 20.0))
     spy = Spy(mission.planner())
     folded, walked = op.simulate(mission), op.simulate(mission, planner=spy)
     assert recording(walked) == recording(folded)
-    assert [time for time, *_ in spy.said] == [0.0 + k for k in range(20)]
+    assert [time for time, *_ in spy.said] == list(np.arange(0.0, LASTS.get(name, 20.0)))
     for k, (_, pose, auvs, decision) in enumerate(spy.said):
         np.testing.assert_array_equal([pose.x, pose.y, pose.heading], folded.cna[2 * k])
         assert pose.turn_rate == (folded.turn_rate[2 * k - 1] if k else 0.0)
@@ -333,7 +347,10 @@ def test_folded_into_the_step_or_called_between_steps_the_run_is_the_same_to_the
 @every_planner
 def test_closed_loop_without_a_weight_says_there_are_no_targets(name, options):
     mission = scenario(
-        planner={"kind": name, **options}, auv__0__weight=0.0, auv__1__weight=0.0, duration=3.0
+        planner={"kind": name} | FEW.get(name, {}) | options,
+        auv__0__weight=0.0,
+        auv__1__weight=0.0,
+        duration=3.0,
     )
     folded, walked = op.simulate(mission), op.simulate(mission, planner=Spy(mission.planner()))
     np.testing.assert_array_equal(folded.turn_rate, walked.turn_rate)

@@ -68,6 +68,7 @@ def test_terminal_gets_a_bar_and_names_with_brackets_are_no_markup():
     assert "lake [red]" in text.decode()
 
 
+@pytest.mark.slow
 def test_planning_before_the_mission_is_the_first_half_of_its_progress():
     scenario = load("survey-slow", planner="whole-mission", settings=BRIEF)
     steps = scenario.time.size - 1

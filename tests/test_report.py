@@ -97,6 +97,7 @@ def test_folder_holds_every_file_and_nothing_else(folder):
     assert [path.name for path in folder.parent.iterdir()] == ["harbor"]
 
 
+@pytest.mark.slow
 def test_same_scenario_and_seed_give_the_same_bytes_but_for_the_timing(folder, tmp_path):
     write_run(fly(), tmp_path / "again")
     for name in set(FILES) - {"timing.json"}:
@@ -117,6 +118,7 @@ def test_scenario_file_alone_gives_the_run_again_bit_by_bit(run, folder, tmp_pat
         np.testing.assert_array_equal(getattr(again, name), getattr(run, name))
 
 
+@pytest.mark.slow
 def test_scenario_file_says_when_it_cannot_name_the_planner(run, tmp_path):
     write_run(replace(run, planner="MyPlanner"), tmp_path / "out")
     assert "# but steered by MyPlanner" in (tmp_path / "out" / "scenario.toml").read_text()
@@ -192,6 +194,7 @@ def test_gdal_reads_the_tracks_back(folder, table):
         )  # 1e-9 degrees and six decimals are 1e-4 m
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_never_moves_is_a_point(tmp_path):
     write_run(simulate("fixed-auv", planner="stationary"), tmp_path / "out")
     _, _, geometry, (names,) = pyogrio.raw.read(tmp_path / "out" / "path.geojson", columns=["name"])
@@ -242,6 +245,7 @@ def test_timing_has_decisions_only_where_they_were_timed(run, folder):
     }
 
 
+@pytest.mark.slow
 def test_run_whose_filter_failed_is_written_up_to_there(tmp_path):
     run = simulate("fixed-auv")
     mean, covariance = run.mean.copy(), run.covariance.copy()
@@ -266,6 +270,7 @@ def test_run_whose_filter_failed_is_written_up_to_there(tmp_path):
 # --- what is never half written ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stop", [KeyboardInterrupt, ValueError])
 def test_whatever_stops_the_writing_nothing_is_left(run, tmp_path, monkeypatch, stop):
     def interrupted(*_):
@@ -290,6 +295,7 @@ def test_full_disk_is_one_sentence_about_the_folder(run, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_folder_that_appears_meanwhile_is_kept(run, tmp_path, monkeypatch):
     monkeypatch.setattr(files, "timing", lambda _: (tmp_path / "out").mkdir() or {})
     with pytest.raises(ObsplanError, match="exists and is not overwritten"):
@@ -360,6 +366,7 @@ def test_comparison_is_a_row_per_planner_and_seed_and_a_figure(tmp_path):
 # --- who pays for what -------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_tables_and_sentences_do_not_load_matplotlib_and_figures_do_not_load_pyplot():
     code = """
 import sys

@@ -126,6 +126,7 @@ def test_consistency_band_is_the_central_95_percent_of_chi_square():
     np.testing.assert_allclose(NEES_BAND, chi2.ppf([0.025, 0.975], 2), rtol=1e-3)
 
 
+@pytest.mark.slow
 @given(st.integers(MOST_POINTS + 1, 4 * MOST_POINTS), st.integers(0, 2**32 - 1))
 def test_thinned_line_keeps_its_ends_and_every_spike(n, seed):
     rng = np.random.default_rng(seed)
@@ -180,6 +181,7 @@ def test_long_missions_are_told_in_minutes(formation):
     assert longer.axes[-1].get_xlim() == (0.0, formation.time[-1])
 
 
+@pytest.mark.slow
 def test_errors_of_a_filter_without_uncertainty_are_drawn(formation):
     certain = replace(
         formation, covariance=np.zeros_like(formation.covariance), mean=formation.truth
@@ -202,6 +204,7 @@ def test_png_says_nothing_but_its_picture(formation):
     assert set(kinds) <= {b"IHDR", b"pHYs", b"IDAT", b"IEND"}
 
 
+@pytest.mark.slow
 def test_style_of_the_user_neither_changes_nor_matters(formation):
     plain = png(lambda: errors_figure(formation))
     with mpl.rc_context({"lines.linewidth": 9.0, "font.size": 20.0, "axes.facecolor": "red"}):
@@ -250,6 +253,7 @@ def unsure(formation):
     return replace(formation, mean=mean, covariance=covariance)
 
 
+@pytest.mark.slow
 def test_a_bad_start_neither_flattens_the_rest_nor_is_cut_off(unsure):
     figure = errors_figure(unsure)
     figure.draw_without_rendering()

@@ -430,6 +430,7 @@ def test_estimate_far_astray_is_told_and_leaves_the_map_its_scale(free):
     assert "Beyond the map: estimate of b." in texts(axes_of(lost))
 
 
+@pytest.mark.slow
 def test_names_are_no_mathematics_and_no_name_is_left_out(free):
     odd = scenario(duration=150.0, auv__0__name="_under $score$", auv__1__name="$\\frac$")
     run = replace(free, scenario=odd)

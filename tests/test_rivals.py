@@ -47,6 +47,7 @@ def sailing(x, y, heading, speed, weight=1.0):
 # Centroid orbit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [0.0, 0.5, 1.2])
 @pytest.mark.parametrize(
     ("start", "side"), [((40.0, 0.0, 1.0), 1), ((40.0, 0.0, -1.0), -1), ((1.0, 2.0, 0.0), 0)]
@@ -229,6 +230,7 @@ def test_error_ellipse_at_a_ping_waits_for_the_next_one_however_its_time_is_roun
 # Random
 
 
+@pytest.mark.slow
 def test_random_turns_are_uniform_held_and_repeatable():
     planner, pose = RandomTurns(op.Situation(CNA), seed=3, hold=2.0), op.Pose(0.0, 0.0, 0.0)
     turns = np.array([planner.plan(pose, [], time=2.0 * k).turn_rate for k in range(2000)])

@@ -92,6 +92,7 @@ def test_limits_come_back_where_there_is_room_for_them(back):
             assert shapely.hausdorff_distance(one.exterior, other.exterior) < NEAR
 
 
+@pytest.mark.slow
 def test_every_file_of_a_run_is_read_as_the_mission_that_was_made(tmp_path):
     run = simulate(load("harbor-survey", planner="random", settings=["duration=300.0"]))
     export = make_export(run)

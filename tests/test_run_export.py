@@ -52,6 +52,7 @@ def enu(latlon):
 # --- what is made ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_mission_is_near_the_path_flown_and_counted_as_the_vehicle_does(run, export, tmp_path):
     write_run(run, tmp_path / "out", export)
     loader = MAVWPLoader()
@@ -62,6 +63,7 @@ def test_mission_is_near_the_path_flown_and_counted_as_the_vehicle_does(run, exp
     assert away.max() <= export.simplified.deviation + 2e-3 <= 0.5 + 2e-3
 
 
+@pytest.mark.slow
 def test_summary_tells_the_mission_and_its_costs(run, export, tmp_path):
     write_run(run, tmp_path / "out", export)
     told = json.loads((tmp_path / "out" / "summary.json").read_text())["export"]
@@ -218,6 +220,7 @@ def test_a_late_start_that_breaks_a_limit_is_told(limited):
 # --- as the scenario says ----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_only_the_formats_asked_for_are_written(tmp_path):
     scenario = load(
         "harbor-survey",
@@ -228,6 +231,7 @@ def test_only_the_formats_asked_for_are_written(tmp_path):
     assert sorted(p.name for p in (tmp_path / "out").glob("path.*")) == ["path.gpx", "path.plan"]
 
 
+@pytest.mark.slow
 def test_keys_of_export_change_the_mission():
     run = flown("duration=200.0")
 
@@ -278,6 +282,7 @@ def test_the_start_is_an_instant_with_its_offset_as_toml_or_text_has_it():
         assert start == datetime(2026, 5, 1, 8, tzinfo=UTC)
 
 
+@pytest.mark.slow
 def test_times_of_files_count_from_the_start(tmp_path):
     run = flown("duration=60.0", "export.start_time=2026-05-01T10:00:00+02:00", "export.replays=0")
     write_run(run, tmp_path / "out")

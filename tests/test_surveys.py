@@ -224,6 +224,7 @@ def test_crab_angle_and_speed_are_those_of_navigation_books(polyline, current):
         )
 
 
+@pytest.mark.slow
 @given(polyline=polylines(), current=currents(), dt=st.floats(0.05, 30))
 def test_heading_and_speed_of_each_interval_lead_to_the_next_sample(polyline, current, dt):
     reference = Reference(polyline=polyline, speed=1.0, current=current)
@@ -395,6 +396,7 @@ def test_while_held_the_vehicle_rests_or_heads_into_the_current_at_its_speed():
     np.testing.assert_allclose(drifting.heading[:5], -math.pi / 2, atol=1e-12)
 
 
+@pytest.mark.slow
 @given(
     polyline=polylines(),
     current=currents(),

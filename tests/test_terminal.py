@@ -169,6 +169,7 @@ def test_program_goes_on_when_its_reader_has_gone():
     assert (process.returncode, error) == (3, b"")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no full disk to write to")
 def test_full_disk_under_standard_output_is_one_sentence(tmp_path):
     with open("/dev/full", "w") as full:

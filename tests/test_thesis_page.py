@@ -16,6 +16,7 @@ import obsplan as op
 from obsplan.thesis import ITEMS, free_or_begun, write_thesis
 
 
+@pytest.mark.slow
 def test_folder_holds_picture_data_and_page_the_same_on_every_run(tmp_path):
     done = []
     for name in ("a", "b"):
@@ -49,6 +50,7 @@ def test_unknown_item_and_existing_folder_are_refused_and_nothing_is_left(tmp_pa
     assert [path.name for path in tmp_path.iterdir()] == ["there"]
 
 
+@pytest.mark.slow
 def test_work_that_was_interrupted_goes_on_and_ends_with_the_same_bytes(tmp_path, monkeypatch):
     names = ["fig5.1", "fig5.2", "fig5.3"]
     write_thesis(names, tmp_path / "whole", runs=2)
@@ -78,6 +80,7 @@ def test_work_that_was_interrupted_goes_on_and_ends_with_the_same_bytes(tmp_path
     assert whole == cut
 
 
+@pytest.mark.slow
 def test_only_the_same_request_goes_on_in_a_folder_and_only_until_it_is_complete(
     tmp_path, monkeypatch
 ):

@@ -132,6 +132,7 @@ GRAMIAN = ("log-det", "smallest-eigenvalue", "condition-number")
 MOVES = {"at rest": 0.0, "moving": [[0.3, 0.2], [-0.4, 0.3]]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", MOVES)
 @pytest.mark.parametrize("objective", GRAMIAN)
 def test_score_is_that_of_the_gramian_by_quadrature_along_the_arcs_of_the_turns(objective, motion):
@@ -283,6 +284,7 @@ def room(discs=(), polygons=(), fence=None):
     return left
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objective", ["covariance", "log-det"])
 def test_whole_path_keeps_within_every_limit_and_ends_where_it_can_turn_for_ever(objective):
     rng = np.random.default_rng(3)
@@ -348,6 +350,7 @@ def test_slower_is_taken_where_slower_is_better():
     assert free.primal_residual <= TOLERANCE
 
 
+@pytest.mark.slow
 def test_limits_that_cannot_be_kept_are_softened_and_the_status_says_so():
     far = task_of((30.0, 0.0, 1.0), [(0.0, 0.0)], greatest=8.0)
     found = optimise(far, "log-det", limits=true_limits(far))
@@ -387,6 +390,7 @@ ATTEMPTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("status", ATTEMPTS)
 def test_each_attempt_is_named_and_no_worse_than_the_best_manoeuvre(status, monkeypatch):
     task, limits = example()
@@ -443,6 +447,7 @@ def test_nothing_is_begun_in_a_hurry():
     )
 
 
+@pytest.mark.slow
 def test_solvers_are_silent_whatever_happens(capfd):
     nothing = task_of((0.0, 0.0, 0.0), [(0.0, 0.0)], covariance=np.zeros((1, 4, 4)))
     for objective in ("covariance", *GRAMIAN):
@@ -466,6 +471,7 @@ def test_program_is_compiled_once_for_a_shape():
     assert after.hits > before.hits
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objective", ["covariance", "log-det"])
 def test_a_hundred_moving_auvs_are_planned_for_by_those_that_count_most(objective):
     rng = np.random.default_rng(4)

@@ -39,6 +39,7 @@ every_objective = pytest.mark.parametrize("objective", OBJECTIVES)
 # The contract of planners
 
 
+@pytest.mark.slow
 @every_objective
 def test_decision_is_finite_within_the_limits_and_starts_where_the_vehicle_is(objective):
     rng = np.random.default_rng(1)
@@ -61,6 +62,7 @@ def test_decision_is_finite_within_the_limits_and_starts_where_the_vehicle_is(ob
         )
 
 
+@pytest.mark.slow
 @every_objective
 def test_planner_turns_with_the_world_and_the_other_way_in_the_mirror(objective):
     rng = np.random.default_rng(4)
@@ -85,6 +87,7 @@ def test_planner_turns_with_the_world_and_the_other_way_in_the_mirror(objective)
         assert elsewhere.score == pytest.approx(here.score, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_precise_squared_ranges_are_planned_for_by_optima():
     """Iterates whose covariances are far from what their turns lead to are indefinite: without a bound on that, most of these fail."""
     rng = np.random.default_rng(5)
@@ -96,6 +99,7 @@ def test_precise_squared_ranges_are_planned_for_by_optima():
     assert said == {Status.OPTIMAL: 12}
 
 
+@pytest.mark.slow
 def test_memory_is_no_part_of_a_planner_and_two_missions_of_one_are_the_same():
     mission = scenario(planner={"kind": "information", "interval": 1.0})
     one, other = planner(), planner()
@@ -118,6 +122,7 @@ def test_asked_again_at_the_same_time_it_answers_the_same():
     )
 
 
+@pytest.mark.slow
 @every_objective
 def test_auv_of_weight_zero_has_no_say_and_weights_count_relative_to_each_other(objective):
     pose, legs = world(np.random.default_rng(6))
@@ -163,6 +168,7 @@ def test_nobody_to_plan_for_and_numbers_that_are_none_are_answered_with_the_reas
     assert asked.plan(op.Pose(0.0, NAN, 0.0), [good]).status == Status.INVALID_INPUT
 
 
+@pytest.mark.slow
 @every_objective
 def test_on_top_of_an_auv_and_among_a_hundred_there_is_a_decision(objective):
     rng = np.random.default_rng(12)
@@ -185,6 +191,7 @@ def test_on_top_of_an_auv_and_among_a_hundred_there_is_a_decision(objective):
         assert np.isfinite(decision.path).all()
 
 
+@pytest.mark.slow
 @every_objective
 @pytest.mark.parametrize(
     "area",

@@ -152,6 +152,7 @@ def test_gradient_is_the_difference_quotient(hold, limited):
     )
 
 
+@pytest.mark.slow
 def test_plan_is_no_worse_than_any_start_and_keeps_the_turning_limit():
     m = mission(steps=80)
     plan = optimise(m, hold=4, count=20, random=RNG(5))
@@ -166,6 +167,7 @@ def test_plan_is_no_worse_than_any_start_and_keeps_the_turning_limit():
     assert plan.status in (Status.OPTIMAL, Status.INACCURATE)
 
 
+@pytest.mark.slow
 def test_more_descents_are_never_worse():
     m = mission(steps=90, seed=3)
     scores = [optimise(m, hold=4, count=count, random=RNG(5)).objective for count in (1, 8, 22)]
@@ -221,6 +223,7 @@ def moored(radius):
     return mission(steps=steps, auvs=1, every=10, time_step=1.0, **at_rest, **known, **where)
 
 
+@pytest.mark.slow
 def test_plan_about_an_auv_at_rest_sees_it_at_right_angles_and_beats_every_circle():
     radii, seconds = np.arange(2.0, 40.0, 0.25), np.arange(401.0)
     circles = [

@@ -33,6 +33,7 @@ def predicted(run):
     return float(np.mean(run.covariance[..., 0, 0] + run.covariance[..., 1, 1]))
 
 
+@pytest.mark.slow
 def test_score_is_what_the_filters_say_where_nothing_is_disturbed(monkeypatch):
     silent(monkeypatch)
     run = op.simulate(
@@ -46,6 +47,7 @@ def test_score_is_what_the_filters_say_where_nothing_is_disturbed(monkeypatch):
     assert predicted(run) < run.score[0]
 
 
+@pytest.mark.slow
 def test_mission_known_beforehand_goes_no_worse_than_with_the_receding_horizon(monkeypatch):
     silent(monkeypatch)
     for change in (
@@ -59,6 +61,7 @@ def test_mission_known_beforehand_goes_no_worse_than_with_the_receding_horizon(m
         )  # 0.005: what the filters leave out and the score counts
 
 
+@pytest.mark.slow
 def test_plan_depends_on_no_noise_and_is_flown_to_the_letter():
     mission = small()
     one, other = (op.simulate(mission, seed=seed) for seed in (1, 2))
@@ -100,6 +103,7 @@ def test_path_of_a_decision_leads_to_the_missions_end():
     assert math.isfinite(after.turn_rate)
 
 
+@pytest.mark.slow
 def test_limits_are_kept_along_the_surveys_as_filed(monkeypatch):
     silent(monkeypatch)
     free = op.simulate(small())
@@ -136,6 +140,7 @@ def test_auvs_stray_from_their_filed_tracks_as_far_as_expected():
     assert filed.straying[0, 0] == 0.0
 
 
+@pytest.mark.slow
 def test_separations_are_kept_from_auvs_that_stray():
     noise = {"position": 0.3, "heading_deg": 0.5, "speed": 0.02}
     near = {
@@ -289,6 +294,7 @@ def test_turns_last_half_the_time_between_ranges_and_are_bounded_in_number():
     assert asked.planner().voyage(asked.start).turn_rates.size == 12
 
 
+@pytest.mark.slow
 def test_more_freedom_in_the_turns_and_other_random_ones_are_other_plans():
     coarse, fine = (
         small().planner().voyage(small().start),
