@@ -39,11 +39,8 @@ def ping_moments(
         _shifted(sums, first) for sums in _sums_from_a_ping(speed, turn_rates, interval, count)
     ]
     moved = _first_arc(speed, turn_rates, first)
-    moments = DisplacementMoments([], [], [], [], [], [])
-    for sums in zip(*shifted, strict=True):  # of one power of t
-        for moment, value in zip(moments, _turned(sums, moved), strict=True):
-            moment.append(value)
-    return moments
+    of_each_power = [_turned(sums, moved) for sums in zip(*shifted, strict=True)]  # of t
+    return DisplacementMoments(*(list(moment) for moment in zip(*of_each_power, strict=True)))
 
 
 def _turned(sums: tuple[Expression, ...], moved: tuple[Expression, ...]) -> tuple[Expression, ...]:

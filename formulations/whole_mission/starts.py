@@ -109,8 +109,9 @@ def tracks(problem: Problem, sample: int, durations: Float[np.ndarray, " S"]) ->
     samples = np.arange(problem.steps + 1)
     nodes = sample + np.concatenate([[0.0], np.cumsum(durations)]) / problem.time_step
     ends = nodes[1:]
-    position = np.empty((ends.size, *problem.position.shape[1:]))
-    for auv in range(position.shape[1]):
+    auvs = problem.weights.size
+    position = np.empty((ends.size, auvs, 2))
+    for auv in range(auvs):
         for axis in range(2):
             position[:, auv, axis] = np.interp(ends, samples, problem.position[:, auv, axis])
     middles = 0.5 * (ends + nodes[:-1])
