@@ -73,6 +73,7 @@ class Call(threading.local):
 
     def __init__(self, function: ca.Function) -> None:
         self.given = np.zeros(function.size1_in(0))
+        self.function = function
         self._found = np.empty(function.size1_out(0))
         buffer, self._run = function.buffer()
         buffer.set_arg(0, self.given.data)  # pyright: ignore[reportCallIssue]
