@@ -35,7 +35,7 @@ class Belief:
 
     ``mean`` is (east [m], north [m], heading [rad], speed through the water [m/s]); ``covariance`` (4 x 4) the AUV's own, as last reported
     and predicted since, wherever the mean comes from; ``process_noise`` the standard deviations per square root of a second of position
-    [m], heading [rad] and speed [m/s]; ``drift`` the current [m/s] it is carried by; ``course`` its planned positions as a function of time
+    [m], heading [rad] and speed [m/s]; ``current`` the current [m/s] it is carried by; ``route`` its planned positions as a function of time
     from now [s], where they are known.
 
     ``checked=False`` keeps the arrays themselves, whatever they hold. The simulator asks for it: a filter that has failed is for the
@@ -52,8 +52,8 @@ class Belief:
     covariance: Float[np.ndarray, "4 4"]
     process_noise: tuple[float, float, float] = (0.0, 0.0, 0.0)
     weight: float = 1.0
-    drift: tuple[float, float] = (0.0, 0.0)
-    course: Callable[[np.ndarray], np.ndarray] | None = None
+    current: tuple[float, float] = (0.0, 0.0)
+    route: Callable[[np.ndarray], np.ndarray] | None = None
     checked: InitVar[bool] = True
 
     def __post_init__(self, checked: bool) -> None:
@@ -82,11 +82,11 @@ class Belief:
         )
 
     def ahead(self, times: Float[np.ndarray, " steps"]) -> Float[np.ndarray, "steps 2"]:
-        """Predict positions [m] at times from now [s]: along the course where it is known, else at constant velocity."""
-        if self.course is not None:
-            return self.course(times)
+        """Predict positions [m] at times from now [s]: along the route where it is known, else at constant velocity."""
+        if self.route is not None:
+            return self.route(times)
         x, y, heading, speed = self.mean
-        velocity = speed * np.array([np.cos(heading), np.sin(heading)]) + self.drift
+        velocity = speed * np.array([np.cos(heading), np.sin(heading)]) + self.current
         return np.array([x, y]) + np.asarray(times)[:, None] * velocity
 
 

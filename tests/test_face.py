@@ -43,7 +43,7 @@ limits = op.Constraints(keep_out=(op.Disc(x=3.0, y=1.0, radius=0.5), pond), min_
 horizon: op.Planner = op.InformationHorizon(op.Situation(cna, ping_interval=15.0, constraints=limits))
 circle: op.Planner = op.Circle(op.Situation(cna), center=np.zeros(2), radius=5.0)
 line = op.Waypoints(points=[[0.0, 0.0], [10.0, 0.0]]).reference(speed=1.0, current=np.zeros(2))
-belief = op.Belief(mean=np.zeros(4), covariance=np.eye(4), course=line.position)
+belief = op.Belief(mean=np.zeros(4), covariance=np.eye(4), route=line.position)
 decision = horizon.plan(op.Pose(0.0, 0.0, 0.0), [belief, op.Belief.at(1.0, 2.0)], time=3.0)
 turn: float = decision.turn_rate
 fine: bool = decision.status is op.Status.OPTIMAL

@@ -34,7 +34,7 @@ def information(auv, u, *, times=None, horizon, options):
     x = np.array(POSE[:2]) - auv.mean[:2]
     v = np.zeros(2)
     if options.get("motion") == "constant-velocity":
-        v = auv.mean[3] * np.array([math.cos(auv.mean[2]), math.sin(auv.mean[2])]) + auv.drift
+        v = auv.mean[3] * np.array([math.cos(auv.mean[2]), math.sin(auv.mean[2])]) + auv.current
     at = lambda t: integrand(x, v, POSE[2], u, t, options.get("gramian", "exact"))  # noqa: E731
     tau = options["ping_interval"]
     total = (
@@ -88,7 +88,7 @@ def auvs(rng):
             mean=mean,
             covariance=np.diag([*10 ** rng.uniform(-1, 2, 2), 0.01, 0.01]),
             weight=weight,
-            drift=(0.2, -0.1),
+            current=(0.2, -0.1),
         )
 
 

@@ -41,9 +41,9 @@ def test_tracks_follow_the_course_where_it_is_known_and_else_the_velocity():
             [np.minimum(t, 4.0), np.maximum(t - 4.0, 0.0)], axis=-1
         )  # east for 4 s, then north, 1 m/s
 
-    known = belief(0.0, 0.0, course=corner, drift=(0.2, 0.0))
+    known = belief(0.0, 0.0, route=corner, current=(0.2, 0.0))
     guessed = op.Belief(
-        mean=np.array([5.0, 1.0, 0.3, 1.5]), covariance=np.eye(4), drift=(0.0, -0.1)
+        mean=np.array([5.0, 1.0, 0.3, 1.5]), covariance=np.eye(4), current=(0.0, -0.1)
     )
     tracks = predicted_tracks([known, guessed], Stages(np.array([3.0, 2.0, 5.0]), np.ones(3)))
     np.testing.assert_allclose(tracks.position[:, 0], [[3, 0], [4, 1], [4, 6]])
@@ -185,7 +185,7 @@ def test_keeps_its_distance_from_an_auv_that_is_not_sure_of_its_place(monkeypatc
 @pytest.mark.parametrize(
     "change",
     [
-        {"drift": (math.nan, 0.0)},
+        {"current": (math.nan, 0.0)},
         {"process_noise": (math.nan, 0.0, 0.0)},
         {"covariance": np.full((4, 4), np.nan)},
     ],

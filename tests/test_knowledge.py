@@ -53,7 +53,7 @@ def test_estimate_is_the_last_report_dead_reckoned_since():
             )
             assert auv.process_noise == pytest.approx((0.05, np.deg2rad(0.5), 0.02))
             assert auv.weight == (1.0, 3.0)[i]
-            assert auv.drift == CURRENT
+            assert auv.current == CURRENT
 
 
 def test_estimate_and_survey_is_the_last_report_dead_reckoned_with_the_turns_filed():
@@ -127,7 +127,7 @@ class Echo:
         for auv in auvs:
             told += [
                 *auv.mean,
-                *auv.drift,
+                *auv.current,
                 auv.covariance[0, 0],
                 auv.covariance[0, 1],
                 auv.covariance[1, 1],
@@ -144,7 +144,7 @@ class Echo:
 
     def expression(self, time, pose, targets):
         auvs = ca.vertcat(
-            targets.mean, targets.drift, targets.position_covariance, targets.weight.T
+            targets.mean, targets.current, targets.position_covariance, targets.weight.T
         )
         told = ca.vertcat(time, pose, ca.vec(auvs))
         return Command(

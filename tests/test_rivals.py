@@ -185,7 +185,7 @@ def test_error_ellipse_takes_the_turn_that_leaves_least_variance_across_the_next
 def test_error_ellipse_of_a_moving_auv_is_where_it_will_be():
     still, moving = uncertain(20.0, 0.0, 1.0), uncertain(20.0 - 6.0 * 1.5, 0.0, 1.0)
     moving = op.Belief(
-        mean=np.array([11.0, 0.0, 0.0, 1.3]), covariance=moving.covariance, drift=(0.2, 0.0)
+        mean=np.array([11.0, 0.0, 0.0, 1.3]), covariance=moving.covariance, current=(0.2, 0.0)
     )
     plans = [
         ErrorEllipse(op.Situation(CNA, ping_interval=6.0)).plan(op.Pose(0.0, 3.0, 0.5), [auv])

@@ -156,7 +156,7 @@ def test_nobody_to_plan_for_and_numbers_that_are_none_are_answered_with_the_reas
     for bad in (
         replace(good, mean=np.array([NAN, 0.0, 0.0, 1.0])),
         replace(good, covariance=np.full((4, 4), NAN)),
-        replace(good, course=lambda times: np.full((len(times), 2), NAN)),
+        replace(good, route=lambda times: np.full((len(times), 2), NAN)),
         replace(good, process_noise=(NAN, 0.0, 0.0)),
     ):
         decision = asked.plan(pose, [bad, other])

@@ -27,7 +27,7 @@ def test_belief_at_a_place_is_certain_of_it_unless_told_otherwise():
 
 def test_belief_predicts_a_straight_line_carried_by_the_current():
     belief = op.Belief(
-        mean=np.array([1.0, 2.0, np.pi / 6, 2.0]), covariance=np.zeros((4, 4)), drift=(0.1, -0.2)
+        mean=np.array([1.0, 2.0, np.pi / 6, 2.0]), covariance=np.zeros((4, 4)), current=(0.1, -0.2)
     )
     ahead = belief.ahead(np.array([0.0, 10.0]))
     np.testing.assert_allclose(
@@ -39,7 +39,7 @@ def test_belief_predicts_along_its_course_where_it_is_known():
     belief = op.Belief(
         mean=np.zeros(4),
         covariance=np.zeros((4, 4)),
-        course=lambda t: np.stack([t**2, -t], axis=-1),
+        route=lambda t: np.stack([t**2, -t], axis=-1),
     )
     np.testing.assert_array_equal(belief.ahead(np.array([0.0, 3.0])), [[0.0, 0.0], [9.0, -3.0]])
 

@@ -77,13 +77,13 @@ def test_plan_depends_on_no_noise_and_is_flown_to_the_letter():
 def test_vehicle_off_its_plan_gets_one_for_the_rest_of_the_mission():
     mission = small()
     planner, pose = mission.planner(), mission.start
-    whole = planner.voyage(pose)
+    whole = planner.open_loop(pose)
     along = whole.poses(pose, 0.0, 20.0)[-1]
-    assert planner.voyage(op.Pose(*map(float, along)), time=20.0) is whole
-    rest = planner.voyage(op.Pose(float(along[0]) + 3.0, *map(float, along[1:])), time=20.0)
+    assert planner.open_loop(op.Pose(*map(float, along)), time=20.0) is whole
+    rest = planner.open_loop(op.Pose(float(along[0]) + 3.0, *map(float, along[1:])), time=20.0)
     assert rest is not whole
     assert rest.turn_rates.size == whole.turn_rates.size - 20
-    assert planner.voyage(pose) is whole
+    assert planner.open_loop(pose) is whole
 
 
 def test_path_of_a_decision_leads_to_the_missions_end():
@@ -92,7 +92,7 @@ def test_path_of_a_decision_leads_to_the_missions_end():
     decision = planner.plan(mission.start, [op.Belief.at(0.0, 0.0)])
     pose, turns = (
         (mission.start.x, mission.start.y, mission.start.heading),
-        planner.voyage(mission.start).turn_rates,
+        planner.open_loop(mission.start).turn_rates,
     )
     for turn in turns:
         pose = arc(pose, turn, 2.0, planner.turn_duration)
@@ -227,8 +227,8 @@ def test_turned_or_mirrored_world_is_the_same_problem_whatever_the_first_covaria
     filed = replace(planner.filed, covariance=np.stack([uneven, 0.5 * uneven]))
     there, start = seen_from(filed, pose, angle, mirror)
     one, other = (
-        told_otherwise(planner, filed=filed).voyage(pose),
-        told_otherwise(planner, filed=there).voyage(start),
+        told_otherwise(planner, filed=filed).open_loop(pose),
+        told_otherwise(planner, filed=there).open_loop(start),
     )
     assert other.plan.score == pytest.approx(one.plan.score, rel=1e-9)
     np.testing.assert_allclose(other.turn_rates, mirror * one.turn_rates, atol=1e-9)
@@ -241,7 +241,7 @@ def test_plan_made_near_the_end_expects_no_ranges_but_the_missions(monkeypatch):
     )
     planner = small(ranging__interval=7.0).planner()
     with pytest.raises(AttributeError):
-        planner.voyage(op.Pose(1.0, 2.0, 3.0), time=33.0)
+        planner.open_loop(op.Pose(1.0, 2.0, 3.0), time=33.0)
     assert asked[0].pings.tolist() == [4]  # at 35 s
     assert asked[0].ping_every == 14
 
@@ -291,15 +291,15 @@ def test_turns_last_half_the_time_between_ranges_and_are_bounded_in_number():
         planner={"kind": "whole-mission", "interval": 1.0, "segment": 5.0}, duration=60.0
     )
     assert asked.planner().turn_duration == 5.0
-    assert asked.planner().voyage(asked.start).turn_rates.size == 12
+    assert asked.planner().open_loop(asked.start).turn_rates.size == 12
 
 
 @pytest.mark.slow
 def test_more_freedom_in_the_turns_and_other_random_ones_are_other_plans():
     coarse, fine = (
-        small().planner().voyage(small().start),
-        replace(small().planner(), segment=5.0).voyage(small().start),
+        small().planner().open_loop(small().start),
+        replace(small().planner(), segment=5.0).open_loop(small().start),
     )
     assert coarse.plan.score < fine.plan.score
     other = replace(small().planner(), search_seed=2)
-    assert other.voyage(small().start).plan.score == pytest.approx(coarse.plan.score, rel=0.02)
+    assert other.open_loop(small().start).plan.score == pytest.approx(coarse.plan.score, rel=0.02)

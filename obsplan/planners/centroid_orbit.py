@@ -49,7 +49,7 @@ class CentroidOrbit:
         """The turn rate of the orbit plus a correction onto its course."""
         cna = self.situation.cna
         share = targets.weight / ca.sum1(targets.weight)
-        center, drift = targets.mean[:2, :] @ share, targets.velocity @ share
+        center, velocity = targets.mean[:2, :] @ share, targets.velocity @ share
         away = pose[:2] - center
         radius = self._radius(center, targets)
         outside = ca.hypot(away[0], away[1]) - radius
@@ -59,7 +59,7 @@ class CentroidOrbit:
             np.pi / 2 + ca.atan(outside / look_ahead(cna))
         )
         along, abeam = rotated(
-            -tangent, drift
+            -tangent, velocity
         )  # the centroid's velocity along the tangent and to its left
         crab = ca.asin(ca.fmax(-STEEPEST, ca.fmin(STEEPEST, abeam / cna.speed)))
         ahead = cna.speed * ca.cos(crab)

@@ -22,7 +22,7 @@ from obsplan.types import Belief, Decision, Pose
 class InformationHorizon:
     """Search a tree of constant turns for the least predicted position covariance of the moving AUVs over the horizon.
 
-    Each AUV's own covariance is predicted with its process noise along its survey or course, ranges coming at the pings, their second-order
+    Each AUV's own covariance is predicted with its process noise along its route, ranges coming at the pings, their second-order
     error counted (`formulations.model.covariance`). The tree has ``stages`` levels of ``turn_rates`` branches, and a beam of ``beam_width``
     is kept. Where pings are rare a stage lasts from ping to ping and the horizon is that much longer. A turn that breaks a limit, or leaves
     no circle free to turn on, is discarded; if all do, the least violating is taken and the status says so. ``score`` is the mean over
@@ -88,7 +88,7 @@ class InformationHorizon:
             beam_width=self.beam_width,
             **self._limits(state, turn_rates, auvs),
         )
-        if not np.isfinite(best.objective):  # a drift or a process noise is no number
+        if not np.isfinite(best.objective):  # a current or a process noise is no number
             return straight_on(cna, pose, Status.INVALID_INPUT, len(auvs))
         turn_rate = float(best.x[0])
         nothing = np.full(len(auvs), np.nan)
@@ -132,7 +132,7 @@ def predicted_tracks(auvs: Sequence[Belief], stages: Stages) -> Tracks:
     stages.duration.cumsum(out=ends[1:])
     position = np.stack([auv.ahead(ends) for auv in auvs], axis=1)
     moved = position[1:] - position[:-1]
-    water = moved / stages.duration[:, None, None] - np.array([auv.drift for auv in auvs])
+    water = moved / stages.duration[:, None, None] - np.array([auv.current for auv in auvs])
     return Tracks(
         position[1:],
         np.arctan2(water[..., 1], water[..., 0]),

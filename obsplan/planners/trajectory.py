@@ -157,7 +157,7 @@ class Trajectory:
         times = np.sort(np.concatenate([ends, ends[:-1] + durations / 2]))
         positions = np.stack([auv.ahead(times) for auv in auvs], axis=1)
         over_ground = np.diff(positions[::2], axis=0) / durations[:, None, None]
-        water = over_ground - np.array([auv.drift for auv in auvs])
+        water = over_ground - np.array([auv.current for auv in auvs])
         speeds = np.hypot(water[..., 0], water[..., 1])
         still = speeds <= ROUNDING * cna.speed
         ways = np.arctan2(water[..., 1], water[..., 0])

@@ -125,22 +125,24 @@ class WholeMission:
         substitute = unusable(self.situation.cna, pose, auvs)
         if substitute is not None:
             return substitute
-        return self.voyage(pose, time=time).decision(pose, time, len(auvs))
+        return self.open_loop(pose, time=time).decision(pose, time, len(auvs))
 
     def prepare(self, pose: Pose, progress: Progress) -> None:
         """Plan the mission from its start on, and tell meanwhile how much of that is (done, in all)."""
-        self.voyage(pose, progress=progress)
+        self.open_loop(pose, progress=progress)
 
-    def voyage(self, pose: Pose, *, time: float = 0.0, progress: Progress = untold) -> "Voyage":
+    def open_loop(
+        self, pose: Pose, *, time: float = 0.0, progress: Progress = untold
+    ) -> "OpenLoopPlan":
         """The plan that a pose at a time is on; it is made where there is none."""
         plans = plans_of(self)
-        voyage = plans.of(pose, time)
-        if voyage is None:
-            voyage = self._made(pose, time, progress)
-            plans.keep(voyage)
-        return voyage
+        known = plans.of(pose, time)
+        if known is None:
+            known = self._made(pose, time, progress)
+            plans.keep(known)
+        return known
 
-    def _made(self, pose: Pose, time: float, progress: Progress) -> "Voyage":
+    def _made(self, pose: Pose, time: float, progress: Progress) -> "OpenLoopPlan":
         cna, filed = self.situation.cna, self.filed
         frame = frame_at(pose, filed)
         first = min(round(time / filed.time_step), filed.time.size - 2)
@@ -154,7 +156,7 @@ class WholeMission:
             margin=MARGIN * cna.min_turn_radius,
             progress=progress,
         )
-        return Voyage(cna, pose, time, frame.mirror * plan.x, hold * filed.time_step, plan)
+        return OpenLoopPlan(cna, pose, time, frame.mirror * plan.x, hold * filed.time_step, plan)
 
     def _mission(self, frame: Frame, first: int) -> Problem:
         """What is known from a sample on, as seen by the vehicle there."""
@@ -187,15 +189,15 @@ class Plans:
     """Plans made for a planner, the newest `KEPT` of them."""
 
     def __init__(self) -> None:
-        self._voyages: deque[Voyage] = deque(maxlen=KEPT)
+        self._plans: deque[OpenLoopPlan] = deque(maxlen=KEPT)
 
-    def of(self, pose: Pose, time: float) -> "Voyage | None":
+    def of(self, pose: Pose, time: float) -> "OpenLoopPlan | None":
         """The newest plan that a pose at a time is on."""
-        return next((voyage for voyage in self._voyages if voyage.passes(pose, time)), None)
+        return next((known for known in self._plans if known.passes(pose, time)), None)
 
-    def keep(self, voyage: "Voyage") -> None:
+    def keep(self, known: "OpenLoopPlan") -> None:
         """Remember a plan."""
-        self._voyages.appendleft(voyage)
+        self._plans.appendleft(known)
 
 
 @lru_cache(maxsize=8)
@@ -259,7 +261,7 @@ class Limits:
 
 
 @dataclass(frozen=True, eq=False)
-class Voyage:
+class OpenLoopPlan:
     """A plan in the world, from where and when it begins."""
 
     cna: Unicycle

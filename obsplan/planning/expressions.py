@@ -15,7 +15,7 @@ from obsplan.types import Belief, Decision, Pose
 OWN = 5  # numbers of a call that are no AUV's: time, and the pose's four
 ROWS = {  # of each of the targets, where AUVs are columns
     "mean": 4,
-    "drift": 2,
+    "current": 2,
     "position_covariance": 3,
     "weight": 1,
 }
@@ -27,7 +27,7 @@ class Targets(NamedTuple):
     """Beliefs about M AUVs as expressions."""
 
     mean: ca.SX  # 4 x M: east, north [m], heading [rad], speed through the water [m/s]
-    drift: ca.SX  # 2 x M: the current they are carried by [m/s]
+    current: ca.SX  # 2 x M: the current they are carried by [m/s]
     position_covariance: ca.SX  # 3 x M: variance of east, covariance, variance of north [m^2]
     weight: ca.SX  # M
 
@@ -35,7 +35,7 @@ class Targets(NamedTuple):
     def velocity(self) -> ca.SX:
         """Velocity over ground (2 x M) [m/s]."""
         heading, speed = self.mean[2, :], self.mean[3, :]
-        return ca.vertcat(speed * ca.cos(heading), speed * ca.sin(heading)) + self.drift
+        return ca.vertcat(speed * ca.cos(heading), speed * ca.sin(heading)) + self.current
 
 
 class Command(NamedTuple):
@@ -96,7 +96,7 @@ def fill(given: np.ndarray, pose: Pose, auvs: Sequence[Belief], time: float) -> 
     for auv in auvs:
         (var_east, covariance), (_, var_north) = auv.covariance[:2, :2].tolist()
         given[at : at + 4] = auv.mean
-        given[at + 4 : at + EACH] = *auv.drift, var_east, covariance, var_north, auv.weight
+        given[at + 4 : at + EACH] = *auv.current, var_east, covariance, var_north, auv.weight
         at += EACH
 
 
@@ -116,8 +116,8 @@ def symbols(n_auvs: int, *, more: int = 0) -> Symbols:
     given = symbol("given", known + more)
     columns = ca.reshape(given[OWN:known], EACH, n_auvs)
     ends = np.cumsum([0, *ROWS.values()]).tolist()
-    mean, drift, covariance, weight = ca.vertsplit(columns, ends)
-    targets = Targets(mean, drift, covariance, weight.T)
+    mean, current, covariance, weight = ca.vertsplit(columns, ends)
+    targets = Targets(mean, current, covariance, weight.T)
     return Symbols(given, given[0], given[1:OWN], targets, given[known:])
 
 

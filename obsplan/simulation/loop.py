@@ -189,8 +189,8 @@ class ClosedLoop:
         knowledge = scenario.table.planner.knowledge
         means = {"survey": inputs.survey, "truth": carry.truth}.get(knowledge, carry.reported)[k]
         covariances = unpack_array(carry.reported_covariance[k])
-        courses = [
-            None if knowledge == "estimate" else course(*known, now)
+        routes = [
+            None if knowledge == "estimate" else route(*known, now)
             for known in zip(scenario.references, means, strict=True)
         ]
         noises = scenario.process_noise(assumed=True)
@@ -200,12 +200,12 @@ class ClosedLoop:
                 covariance=covariance,
                 process_noise=(float(noise[0]), float(noise[2]), float(noise[3])),
                 weight=auv.weight,
-                drift=scenario.table.environment.current,
-                course=along,
+                current=scenario.table.environment.current,
+                route=along,
                 checked=False,
             )
             for mean, covariance, noise, auv, along in zip(
-                means, covariances, noises, scenario.table.auv, courses, strict=True
+                means, covariances, noises, scenario.table.auv, routes, strict=True
             )
         ]
 
@@ -216,9 +216,7 @@ def prepared(planner: Prepares, start: Pose, progress: Progress) -> Progress:
     return lambda done, steps: progress(steps + done, 2 * steps)
 
 
-def course(
-    reference: Reference, mean: np.ndarray, now: float
-) -> Callable[[np.ndarray], np.ndarray]:
+def route(reference: Reference, mean: np.ndarray, now: float) -> Callable[[np.ndarray], np.ndarray]:
     """Positions ahead of where an AUV is known to be, the rest of its survey still before it."""
     off = mean[:2] - reference.position(now)
     return lambda ahead: reference.position(now + ahead) + off

@@ -133,10 +133,10 @@ class StepBuilder:
     def _targets(self, known: ca.SX, carry: Carry) -> Targets:
         """What the planner is told: means by the scenario's knowledge, uncertainty always as the AUVs' filters last reported it."""
         auvs = self.scenario.table.auv
-        drift = ca.repmat(ca.SX(ca.DM(self.scenario.table.environment.current)), 1, len(auvs))
+        current = ca.repmat(ca.SX(ca.DM(self.scenario.table.environment.current)), 1, len(auvs))
         weight = ca.SX(ca.DM([auv.weight for auv in auvs]))
         return Targets(
-            known, drift, carry.reported_covariance[[0, 1, N], :], weight
+            known, current, carry.reported_covariance[[0, 1, N], :], weight
         )  # P11, P21, P22 of a lower triangle by columns
 
     def _auv(self, i: int, cna: ca.SX, carry: Carry, inputs: Inputs) -> tuple[ca.SX, ...]:
