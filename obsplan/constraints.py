@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from formulations.model.arcs import arcs
-from formulations.model.areas import Edges, edges_of, signed_distance
+from formulations.model.areas import Outline, outline_of, signed_distance
 from obsplan.types import Points, as_points
 
 CORNERS = 32  # of the polygon that stands for a disc where only straight edges will do
@@ -93,14 +93,14 @@ class Polygon:
         return shape
 
     @cached_property
-    def _edges(self) -> Edges:
-        return edges_of(np.array(self.points))
+    def _outline(self) -> Outline:
+        return outline_of(np.array(self.points))
 
     def signed_distance(
         self, positions: Float[np.ndarray, "*batch 2"]
     ) -> Float[np.ndarray, "*batch"]:
         """Distance [m] to the edge, negative inside."""
-        return signed_distance(positions, self._edges)
+        return signed_distance(positions, self._outline)
 
     def misses(self, legs: Float[np.ndarray, "n 2 2"]) -> Bool[np.ndarray, " n"]:
         """Whether straight legs, from their first to their second place, stay outside."""
