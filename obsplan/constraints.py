@@ -4,6 +4,7 @@ import reprlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,12 @@ class Disc:
     ) -> Float[np.ndarray, "*batch"]:
         """Distance [m] to the edge, negative inside."""
         return np.hypot(positions[..., 0] - self.x, positions[..., 1] - self.y) - self.radius
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Least and greatest coordinates [m]: west, south, east, north."""
+        r = self.radius
+        return self.x - r, self.y - r, self.x + r, self.y + r
 
     def inscribed(self) -> "Polygon":
         """The regular polygon with `CORNERS` corners on the edge: within the disc, by at most 0.5 % of its radius."""
@@ -91,6 +98,12 @@ class Polygon:
         shape = shapely.Polygon(self.points)
         shapely.prepare(shape)
         return shape
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Least and greatest coordinates [m]: west, south, east, north."""
+        east, north = zip(*self.points, strict=True)
+        return min(east), min(north), max(east), max(north)
 
     @cached_property
     def _outline(self) -> Outline:
@@ -266,12 +279,29 @@ class Constraints:
         middle = positions[..., positions.shape[-2] // 2, :]
         way = positions - middle[..., None, :]
         reach = np.sqrt(np.max(way[..., 0] ** 2 + way[..., 1] ** 2, axis=-1)) + ROUNDING
-        for area, sign in self._areas:
+        for area, sign in self._areas_near(positions):
             near = sign * area.signed_distance(middle) > -reach  # no other path can break it
             if near.any():
                 there = sign * area.signed_distance(positions[near])
                 broken[near] = np.maximum(broken[near], there)
         return broken
+
+    def _areas_near(
+        self, positions: Float[np.ndarray, "*batch 2"]
+    ) -> list[tuple[Disc | Polygon, float]]:
+        """Those of the areas that some position may break."""
+        x, y = positions[..., 0], positions[..., 1]
+        west, south, east, north = self._boxes
+        meets_east = (west <= x.max(initial=-np.inf)) & (east >= x.min(initial=np.inf))
+        meets_north = (south <= y.max(initial=-np.inf)) & (north >= y.min(initial=np.inf))
+        return list(compress(self._areas, (meets_east & meets_north).tolist()))
+
+    @cached_property
+    def _boxes(self) -> Float[np.ndarray, "4 areas"]:
+        """West, south, east and north ends of where each area can be broken: a keep-out only inside it, the geofence anywhere."""
+        anywhere = (-np.inf, -np.inf, np.inf, np.inf)
+        boxes = [area.box if sign < 0 else anywhere for area, sign in self._areas]
+        return np.array(boxes).reshape(-1, 4).T
 
 
 UNLIMITED = Constraints()

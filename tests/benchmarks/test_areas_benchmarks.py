@@ -68,19 +68,16 @@ AMONG = Constraints(
     ),
     geofence=Polygon(points=coast(20, 3, radius=260.0)),
 )
-PLANNERS = {
-    "information": lambda limits: op.InformationHorizon(
-        CNA, ping_interval=4.0, sigma=1.0, constraints=limits, decision_interval=2.0
-    ),
-    "gramian": lambda limits: op.GramianHorizon(CNA, constraints=limits, decision_interval=2.0),
-}
+PLANNERS = {"information": op.InformationHorizon, "gramian": op.GramianHorizon}
 
 
 @pytest.mark.parametrize("limits", [UNLIMITED, AMONG], ids=["no limits", "three polygons"])
 @pytest.mark.parametrize("name", PLANNERS)
 @pytest.mark.benchmark(group="decision among three polygons")
 def test_decision(benchmark, name, limits):
-    planner = PLANNERS[name](limits)
+    planner = PLANNERS[name](
+        op.Situation(CNA, ping_interval=4.0, decision_interval=2.0, constraints=limits)
+    )
     covariance = np.diag([4.0, 9.0, 0.01, 0.01])
     auvs = [op.Belief.at(20.0, -10.0, speed=1.0, covariance=covariance)]
     decision = benchmark(planner.plan, op.Pose(10.0, -20.0, 0.5), auvs)
