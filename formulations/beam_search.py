@@ -96,11 +96,17 @@ class _Feasibility:
         if violation is None:
             return None
         times = duration * LOOKS
+        ways = arcs(np.zeros(3), self.turn_rates, self.speed, times)  # the same from every pose
+        ahead, aside = ways[..., 0], ways[..., 1]
+        x, y, heading = beam.pose[..., None].swapaxes(0, 1)
+        cos, sin = np.cos(heading), np.sin(heading)
 
-        def look(these: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        def look(these):
             parent, turn = np.divmod(these, len(self.turn_rates))
-            along = arcs(beam.pose[parent], self.turn_rates[turn], self.speed, times)
-            return violation(along[..., :2], elapsed + times).max(axis=-1)
+            along = np.empty((these.size, times.size, 2))
+            along[..., 0] = x[parent] + cos[parent] * ahead[turn] - sin[parent] * aside[turn]
+            along[..., 1] = y[parent] + sin[parent] * ahead[turn] + cos[parent] * aside[turn]
+            return violation(along, elapsed + times).max(axis=-1)
 
         return look
 

@@ -4,13 +4,14 @@ import reprlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import compress
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from formulations.model.arcs import arcs
-from formulations.model.areas import Edges, edges_of, signed_distance
+from formulations.model.areas import Outline, outline_of, signed_distance
 from obsplan.types import Points, as_points
 
 CORNERS = 32  # of the polygon that stands for a disc where only straight edges will do
@@ -41,6 +42,12 @@ class Disc:
     ) -> Float[np.ndarray, "*batch"]:
         """Distance [m] to the edge, negative inside."""
         return np.hypot(positions[..., 0] - self.x, positions[..., 1] - self.y) - self.radius
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Least and greatest coordinates [m]: west, south, east, north."""
+        r = self.radius
+        return self.x - r, self.y - r, self.x + r, self.y + r
 
     def inscribed(self) -> "Polygon":
         """The regular polygon with `CORNERS` corners on the edge: within the disc, by at most 0.5 % of its radius."""
@@ -92,15 +99,21 @@ class Polygon:
         shapely.prepare(shape)
         return shape
 
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Least and greatest coordinates [m]: west, south, east, north."""
+        east, north = zip(*self.points, strict=True)
+        return min(east), min(north), max(east), max(north)
+
     @cached_property
-    def _edges(self) -> Edges:
-        return edges_of(np.array(self.points))
+    def _outline(self) -> Outline:
+        return outline_of(np.array(self.points))
 
     def signed_distance(
         self, positions: Float[np.ndarray, "*batch 2"]
     ) -> Float[np.ndarray, "*batch"]:
         """Distance [m] to the edge, negative inside."""
-        return signed_distance(positions, self._edges)
+        return signed_distance(positions, self._outline)
 
     def misses(self, legs: Float[np.ndarray, "n 2 2"]) -> Bool[np.ndarray, " n"]:
         """Whether straight legs, from their first to their second place, stay outside."""
@@ -266,12 +279,29 @@ class Constraints:
         middle = positions[..., positions.shape[-2] // 2, :]
         way = positions - middle[..., None, :]
         reach = np.sqrt(np.max(way[..., 0] ** 2 + way[..., 1] ** 2, axis=-1)) + ROUNDING
-        for area, sign in self._areas:
+        for area, sign in self._areas_near(positions):
             near = sign * area.signed_distance(middle) > -reach  # no other path can break it
             if near.any():
                 there = sign * area.signed_distance(positions[near])
                 broken[near] = np.maximum(broken[near], there)
         return broken
+
+    def _areas_near(
+        self, positions: Float[np.ndarray, "*batch 2"]
+    ) -> list[tuple[Disc | Polygon, float]]:
+        """Those of the areas that some position may break."""
+        x, y = positions[..., 0], positions[..., 1]
+        west, south, east, north = self._boxes
+        meets_east = (west <= x.max(initial=-np.inf)) & (east >= x.min(initial=np.inf))
+        meets_north = (south <= y.max(initial=-np.inf)) & (north >= y.min(initial=np.inf))
+        return list(compress(self._areas, (meets_east & meets_north).tolist()))
+
+    @cached_property
+    def _boxes(self) -> Float[np.ndarray, "4 areas"]:
+        """West, south, east and north ends of where each area can be broken: a keep-out only inside it, the geofence anywhere."""
+        anywhere = (-np.inf, -np.inf, np.inf, np.inf)
+        boxes = [area.box if sign < 0 else anywhere for area, sign in self._areas]
+        return np.array(boxes).reshape(-1, 4).T
 
 
 UNLIMITED = Constraints()
