@@ -1,7 +1,7 @@
 """The mathematics of range-only observability: arrays and CasADi expressions in, solutions out.
 
-Names below load on first use, so that importing the package costs nothing. They are listed twice: for Python, and for editors and type
-checkers, which do not run it.
+Names below load on first use, so that importing the package costs nothing. They are listed twice:
+for Python, and for editors and type checkers, which do not run it.
 """
 
 from importlib import import_module

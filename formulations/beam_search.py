@@ -215,7 +215,8 @@ def branching(auvs: int, turns: int, squared: bool, criterion: str) -> Cases:
     (pose, packed covariances: HALF x M, cost so far, told)
     -> (costs: K, poses: 3 x K, packed covariances: HALF x M)
 
-    ``told`` holds ``AUV`` of each, ``STAGE`` and the moves of the turns, 3 x K, one after the other.
+    ``told`` holds ``AUV`` of each, ``STAGE`` and the moves of the turns, 3 x K, one after the
+    other.
     """
     sizes = _sizes(auvs, turns)
     pose = matrix("pose", 3)

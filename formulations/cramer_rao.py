@@ -1,7 +1,8 @@
-"""Information from ranges: Fisher information, predicted covariance, the posterior Cramér-Rao bound and the certified information bound.
+"""Information from ranges: Fisher information, Cramér-Rao bounds, the certified bound.
 
-Time runs over samples k = 0 … steps. ``F[k]`` and ``Q[k]`` carry the state from sample k to k+1; ``J[k]`` is the information, in inverse
-units of the state squared, of what is measured on arriving there (zero matrices where nothing is). Covariances have steps + 1 samples.
+Time runs over samples k = 0 … steps. ``F[k]`` and ``Q[k]`` carry the state from sample k to k+1;
+``J[k]`` is the information, in inverse units of the state squared, of what is measured on arriving
+there (zero matrices where nothing is). Covariances have steps + 1 samples.
 """
 
 from dataclasses import dataclass
@@ -27,13 +28,17 @@ def range_information(
     target: Float[np.ndarray, "*#batch d"],
     sigma: float | Float[np.ndarray, "..."],
 ) -> Float[np.ndarray, "... d d"]:
-    r"""Return the Fisher information of each range about the target's position, rank one along the line of sight.
+    r"""Return the Fisher information of each range about the target's position.
 
-    .. math:: J = u u^\top / \sigma^2, \quad u = (p_\mathrm{beacon} - p_\mathrm{target}) / \lVert \cdot \rVert
+    It is of rank one, along the line of sight.
 
-    Positions [m] of d = 2 coordinates for horizontal ranges, 3 for slant ranges (the leading 2 x 2 block is then what a target of known
-    depth learns). ``sigma`` [m] is one number or one per range. A range between coincident points has no direction: zero information.
-    Raises ValueError unless sigma is positive.
+    .. math:: J = u u^\top / \sigma^2, \quad
+              u = (p_\mathrm{beacon} - p_\mathrm{target}) / \lVert \cdot \rVert
+
+    Positions [m] of d = 2 coordinates for horizontal ranges, 3 for slant ranges (the leading 2 x 2
+    block is then what a target of known depth learns). ``sigma`` [m] is one number or one per
+    range. A range between coincident points has no direction: zero information. Raises ValueError
+    unless sigma is positive.
     """
     separation, squared = _separation(beacon, target)
     divisor = np.where(squared > 0, squared, 1.0) * _variance(sigma, separation)
@@ -45,10 +50,12 @@ def squared_range_information(
     target: Float[np.ndarray, "*#batch d"],
     sigma: float | Float[np.ndarray, "..."],
 ) -> Float[np.ndarray, "... d d"]:
-    r"""Return the Fisher information of each squared range (thesis 4.1), :math:`J = 4 x x^\top / \sigma^2` with x = beacon less target.
+    r"""Return the Fisher information of each squared range (thesis 4.1).
 
-    ``sigma`` [m²] is of the squared range. It is worth a range of standard deviation σ / (2 d): the more the farther, nothing at d = 0.
-    Raises ValueError unless sigma is positive.
+    .. math:: J = 4 x x^\top / \sigma^2, \quad x = p_\mathrm{beacon} - p_\mathrm{target}
+
+    ``sigma`` [m²] is of the squared range. It is worth a range of standard deviation σ / (2 d): the
+    more the farther, nothing at d = 0. Raises ValueError unless sigma is positive.
     """
     separation, squared = _separation(beacon, target)
     variance = np.broadcast_to(_variance(sigma, separation), squared.shape)
@@ -65,17 +72,20 @@ def posterior_cramer_rao(
 
     .. math:: P_{k+1} = (M^{-1} + J_k)^{-1}, \quad M = F_k P_k F_k^\top + Q_k
 
-    Tichavský, Muravchik & Nehorai (1998) with Jacobians along one trajectory: along the true one it bounds every unbiased estimator;
-    along a predicted one it is the extended Kalman filter's own covariance prediction.
+    Tichavský, Muravchik & Nehorai (1998) with Jacobians along one trajectory: along the true one it
+    bounds every unbiased estimator; along a predicted one it is the extended Kalman filter's own
+    covariance prediction.
 
-    No inverse of P is taken: J is factored and its factors enter one at a time, so P0 and Q may be singular, or zero. Leading axes (AUVs,
-    candidate paths) are broadcast; Q is one matrix or one per step. P0, Q and J must be symmetric positive semidefinite.
-    Raises ValueError unless F and J have as many steps.
+    No inverse of P is taken: J is factored and its factors enter one at a time, so P0 and Q may be
+    singular, or zero. Leading axes (AUVs, candidate paths) are broadcast; Q is one matrix or one
+    per step. P0, Q and J must be symmetric positive semidefinite. Raises ValueError unless F and J
+    have as many steps.
     """
     n, steps = F.shape[-1], F.shape[-3]
     if J.shape[-3] != steps:
         raise ValueError(
-            f"F and J must have as many steps, got {steps} and {J.shape[-3]}; give J zero matrices where nothing is measured"
+            f"F and J must have as many steps, got {steps} and {J.shape[-3]}; "
+            "give J zero matrices where nothing is measured"
         )
     Q = Q[..., None, :, :] if Q.ndim == 2 else Q
     batch = np.broadcast_shapes(P0.shape[:-2], F.shape[:-3], Q.shape[:-3], J.shape[:-3])
@@ -94,11 +104,12 @@ def posterior_cramer_rao(
 def path_information(
     F: Float[np.ndarray, "*#batch steps n n"], J: Float[np.ndarray, "*#batch steps n n"]
 ) -> Float[np.ndarray, "... n n"]:
-    r"""Return the Fisher information of a whole path about the initial state, there being no process noise.
+    r"""Return the Fisher information of a path about the initial state, without process noise.
 
     .. math:: \sum_k \Phi_{k+1}^\top J_k \Phi_{k+1}, \quad \Phi_{k+1} = F_k \cdots F_0
 
-    It is the discrete observability Gramian weighted by the noise (thesis 2.4). Summed backwards, by the same sweep as the covariances.
+    It is the discrete observability Gramian weighted by the noise (thesis 2.4). Summed backwards,
+    by the same sweep as the covariances.
     """
     # Backwards, Phi' J Phi sums like a covariance that each step moves by F' and then widens.
     Ft, backward_J = np.swapaxes(F, -1, -2)[..., ::-1, :, :], J[..., ::-1, :, :]
@@ -109,7 +120,7 @@ def path_information(
 
 
 def position_rms(P: Float[np.ndarray, "*batch samples n n"]) -> Float[np.ndarray, "*batch"]:
-    """Return the root over time of the mean trace of the position block, the first two states [m]."""
+    """Return the root mean square over time of the position error, states one and two [m]."""
     return np.asarray(np.sqrt(np.mean(P[..., 0, 0] + P[..., 1, 1], axis=-1)))
 
 
@@ -142,7 +153,10 @@ class InformationBound:
         return float(np.sqrt(self.bound))
 
     def efficiency(self, P: Float[np.ndarray, "samples n n"]) -> float:
-        """Return the bound over the RMS of a path's posterior Cramér-Rao covariances, in (0, 1]; 1 where no error is left."""
+        """Return the bound over the RMS of a path's posterior Cramér-Rao covariances.
+
+        It is in (0, 1], and 1 where no error is left.
+        """
         achieved = float(np.sqrt(_mean_square(P, self.weights)))
         return self.bound_rms_m / achieved if achieved > 0 else 1.0
 
@@ -159,43 +173,52 @@ def information_bound(
     relative_gap: float = RELATIVE_GAP,
     max_iterations: int = MAX_ITERATIONS,
 ) -> InformationBound:
-    r"""Bound from below the posterior Cramér-Rao mean square position error of one AUV over every path of the beacon.
+    r"""Bound one AUV's mean square position error from below, over every path of the beacon.
 
-    .. math:: \min_{M} \sum_k w_k \operatorname{tr} [P_k]_{xy} \quad \text{over} \quad M_j \succeq 0, \; \operatorname{tr} M_j = 1, \qquad
-              P = \text{posterior Cramér-Rao with } J_k = J^\mathrm{other}_k + M_j / \sigma_j^2 \text{ at ping } j
+    The error is that of the posterior Cramér-Rao bound.
 
-    A range gives u uᵀ/σ² with u a unit vector: one such M. The information of the whole trajectory is linear in M, so the sum is convex,
-    and value less duality gap bounds every path, whatever prior, dynamics and process noise. Solved by Frank-Wolfe (Jaggi 2013) with
-    backtracking (Pedregosa et al. 2020), from M = I/2; gradients by one adjoint sweep. Stopped at ``max_iterations`` the bound is looser,
-    and as certain.
+    .. math:: \min_{M} \sum_k w_k \operatorname{tr} [P_k]_{xy} \quad \text{over} \quad
+              M_j \succeq 0, \; \operatorname{tr} M_j = 1, \\
+              P = \text{posterior Cramér-Rao with }
+              J_k = J^\mathrm{other}_k + M_j / \sigma_j^2 \text{ at ping } j
+
+    A range gives u uᵀ/σ² with u a unit vector: one such M. The information of the whole trajectory
+    is linear in M, so the sum is convex, and value less duality gap bounds every path, whatever
+    prior, dynamics and process noise. Solved by Frank-Wolfe (Jaggi 2013) with backtracking
+    (Pedregosa et al. 2020), from M = I/2; gradients by one adjoint sweep. Stopped at
+    ``max_iterations`` the bound is looser, and as certain.
 
     Parameters
     ----------
     P0, F, Q
-        As for ``posterior_cramer_rao``, states one and two being east and north [m]. F must not depend on the beacon's path: take
-        Jacobians along the AUV's true trajectory.
+        As for ``posterior_cramer_rao``, states one and two being east and north [m]. F must not
+        depend on the beacon's path: take Jacobians along the AUV's true trajectory.
     J_other
         Information of everything but ranges (a compass), per step.
     pings
         Steps at whose end a range comes: ``J[pings]`` holds it.
     sigma
-        Smallest standard deviation of a range that any path could reach [m], one or per ping. For squared ranges of standard deviation s
-        [m²], worth more the farther, that is s / (2 d) at the largest distance d ever allowed.
+        Smallest standard deviation of a range that any path could reach [m], one or per ping. For
+        squared ranges of standard deviation s [m²], worth more the farther, that is s / (2 d) at
+        the largest distance d ever allowed.
     weights
-        Of the samples in the mean over time; equal unless given. A mean square compared with the bound must be over the same samples.
+        Of the samples in the mean over time; equal unless given. A mean square compared with the
+        bound must be over the same samples.
     relative_gap
         Of the value, at which to stop.
 
     Raises
     ------
     ValueError
-        If pings repeat or lie outside the steps, sigma is not positive, weights are negative or all zero, or the model is not finite.
+        If pings repeat or lie outside the steps, sigma is not positive, weights are negative or all
+        zero, or the model is not finite.
     """
     weights = _normalized(np.ones(len(F) + 1) if weights is None else weights, len(F) + 1)
     _check_pings(pings, len(F))
     if not (relative_gap > 0 and max_iterations >= 1):
         raise ValueError(
-            f"relative_gap must be positive and max_iterations at least 1, got {relative_gap} and {max_iterations}"
+            "relative_gap must be positive and max_iterations at least 1, "
+            f"got {relative_gap} and {max_iterations}"
         )
     precision = np.broadcast_to(1.0 / _positive(sigma) ** 2, pings.shape)
     problem = _Allocation(
@@ -206,7 +229,7 @@ def information_bound(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Allocation:
-    """The mean square position error as a function of how each ping's information is split over directions."""
+    """Mean square position error, a function of how each ping informs different directions."""
 
     P0: np.ndarray
     F: np.ndarray
@@ -217,7 +240,7 @@ class _Allocation:
     weights: np.ndarray
 
     def evaluate(self, M: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """Mean square of the allocation M, with the information and the covariances it comes from."""
+        """Mean square of the allocation M, and the information and covariances behind it."""
         J = self.J_other.copy()
         J[self.pings, :2, :2] += self.precision[:, None, None] * M
         P = posterior_cramer_rao(self.P0, self.F, self.Q, J)
@@ -226,10 +249,12 @@ class _Allocation:
     def gradient(self, J: np.ndarray, P: np.ndarray) -> np.ndarray:
         r"""Derivative with respect to M, by the adjoint sweep.
 
-        .. math:: \Lambda_k = w_k E + A_k^\top \Lambda_{k+1} A_k, \quad A_k = (I - P_{k+1} J_k) F_k, \quad
+        .. math:: \Lambda_k = w_k E + A_k^\top \Lambda_{k+1} A_k, \quad
+                  A_k = (I - P_{k+1} J_k) F_k, \quad
                   \partial / \partial J_k = -P_{k+1} \Lambda_{k+1} P_{k+1}
 
-        E selects the position. It is a covariance prediction run backwards, and the same sweep does it.
+        E selects the position. It is a covariance prediction run backwards, and the same sweep does
+        it.
         """
         n = len(self.P0)
         A = (np.eye(n) - P[1:] @ J) @ self.F
@@ -251,7 +276,8 @@ def _frank_wolfe(
     value, J, P = problem.evaluate(M)
     if not np.isfinite(value):
         raise ValueError(
-            f"P0, F, Q, J_other and weights must be finite and not overflow, got a mean square of {value}"
+            "P0, F, Q, J_other and weights must be finite and not overflow, "
+            f"got a mean square of {value}"
         )
     bound, curvature, iterations = 0.0, 0.0, 0  # a mean square is at least zero
     while True:
@@ -280,7 +306,10 @@ def _frank_wolfe(
 
 
 def _steepest_vertex(gradient: np.ndarray) -> np.ndarray:
-    """Minimise the linear model: u uᵀ per ping, u the eigenvector of the gradient's least eigenvalue."""
+    """Minimise the linear model: u uᵀ per ping.
+
+    u is the eigenvector of the gradient's least eigenvalue.
+    """
     u = np.linalg.eigh(gradient)[1][:, :, 0]
     return _outer(u)
 
@@ -297,7 +326,8 @@ def _normalized(weights: np.ndarray, samples: int) -> np.ndarray:
         )
     if not (np.all(weights >= 0) and 0 < np.sum(weights) < np.inf):
         raise ValueError(
-            f"weights must be at least 0 and not all 0, got a least of {np.min(weights)} and a sum of {np.sum(weights)}"
+            "weights must be at least 0 and not all 0, "
+            f"got a least of {np.min(weights)} and a sum of {np.sum(weights)}"
         )
     return weights / np.sum(weights)
 
@@ -305,7 +335,8 @@ def _normalized(weights: np.ndarray, samples: int) -> np.ndarray:
 def _check_pings(pings: np.ndarray, steps: int) -> None:
     if len(np.unique(pings)) < len(pings):
         raise ValueError(
-            f"pings must not repeat a step, got {len(pings)} pings at {len(np.unique(pings))} steps; combine their sigmas"
+            "pings must not repeat a step, "
+            f"got {len(pings)} pings at {len(np.unique(pings))} steps; combine their sigmas"
         )
     if len(pings) and (pings.min() < 0 or pings.max() >= steps):
         raise ValueError(
@@ -315,7 +346,10 @@ def _check_pings(pings: np.ndarray, steps: int) -> None:
 
 @lru_cache(maxsize=64)
 def _riccati_sweep(n: int, steps: int) -> ca.Function:
-    """Compile (P0, F, Q, J) -> P over all steps; matrices side by side, F transposed: the memory of row-major arrays."""
+    """Compile (P0, F, Q, J) -> P over all steps.
+
+    Matrices side by side, F transposed: the memory of row-major arrays.
+    """
     P, Ft, Q, J = (symbol(name, n, n) for name in ("P", "Ft", "Q", "J"))
     step = ca.Function("step", [P, Ft, Q, J], [_update(propagate(P, Ft.T, Q), J)])
     return step.mapaccum(steps)

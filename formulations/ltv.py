@@ -1,7 +1,10 @@
-"""Observability of the linear time-varying systems of single-beacon navigation, and what python-control says of it on a circle.
+"""Observability of the linear time-varying systems of single-beacon navigation.
 
-State (east, north [m], east and north velocity [m/s]): a position relative to the other vehicle and a current that must be estimated
-too. The output is the squared range, linearised about a nominal path p(t) (thesis 3.1, 3.2, 3.8, 3.9).
+At the end: what python-control says of it on a circle.
+
+State (east, north [m], east and north velocity [m/s]): a position relative to the other vehicle and
+a current that must be estimated too. The output is the squared range, linearised about a nominal
+path p(t) (thesis 3.1, 3.2, 3.8, 3.9).
 """
 
 from dataclasses import dataclass
@@ -12,7 +15,9 @@ from jaxtyping import Float
 from scipy.integrate import simpson
 
 EPS = float(np.finfo(float).eps)  # spacing of doubles at 1
-A = np.kron([[0.0, 1.0], [0.0, 0.0]], np.eye(2))  # (3.2), (3.9): a position and its constant drift
+A = np.kron(
+    [[0.0, 1.0], [0.0, 0.0]], np.eye(2)
+)  # (3.2), (3.9): a position and its constant velocity
 INTERVALS_PER_TURN = 1000  # of Simpson's rule: error below 1e-10 of the Gramian; even
 TOLERANCES = {"rtol": 1e-13, "atol": 1e-12}  # of python-control's simulation by DOP853
 
@@ -20,16 +25,22 @@ TOLERANCES = {"rtol": 1e-13, "atol": 1e-12}  # of python-control's simulation by
 def fixed_cna_rate(
     x: Float[np.ndarray, "4"], heading: float, speed: float
 ) -> Float[np.ndarray, "4"]:
-    """Return dx/dt of the AUV about a CNA at the origin, x = (position, current), as the AUV swims at speed V on heading ψ (3.1)."""
+    """Return dx/dt of the AUV about a CNA at the origin (3.1).
+
+    x = (position, current); the AUV swims at speed V on heading ψ.
+    """
     return A @ x + np.array([speed * np.cos(heading), speed * np.sin(heading), 0.0, 0.0])
 
 
 def fixed_auv_rate(
     r: Float[np.ndarray, "4"], heading: float, speed: float
 ) -> Float[np.ndarray, "4"]:
-    """Return dr/dt of a still AUV relative to the CNA, r = (position, difference of the two currents), as the CNA moves (3.8).
+    """Return dr/dt of a still AUV relative to the CNA as the CNA moves (3.8).
 
-    The thesis prints ṙ = −ẋ + r3, which counts the current of the CNA twice; with (3.1) and (3.7) it is ṙ = −u + ΔW.
+    r = (position, difference of the two currents).
+
+    The thesis prints ṙ = −ẋ + r3, which counts the current of the CNA twice; with (3.1) and (3.7)
+    it is ṙ = −u + ΔW.
     """
     return A @ r - np.array([speed * np.cos(heading), speed * np.sin(heading), 0.0, 0.0])
 
@@ -40,20 +51,24 @@ def transition_matrix(time: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*
 
 
 def output_matrix(position: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch 1 4"]:
-    """Return C(t) = [2p1 2p2 0 0], the derivative of the squared range at the nominal position (3.2), (3.9)."""
+    """Return C(t) = [2p1 2p2 0 0] (3.2), (3.9).
+
+    It is the derivative of the squared range at the nominal position.
+    """
     return np.concatenate([2 * position, np.zeros_like(position)], axis=-1)[..., None, :]
 
 
 def output_map(
     time: Float[np.ndarray, " samples"], position: Float[np.ndarray, "samples 2"]
 ) -> Float[np.ndarray, "samples 4"]:
-    """Return C(t) Φ(t) per sample: the output that follows from an initial state, with no input (2.3).
+    """Return C(t) Φ(t) per sample: the output of an initial state, with no input (2.3).
 
     Raises ValueError unless there are two samples or more, at increasing times.
     """
     if len(time) < 2 or not (np.diff(time) > 0).all():
         raise ValueError(
-            f"time must hold at least 2 increasing instants [s], got {len(time)}: {np.array2string(np.asarray(time), threshold=6)}"
+            f"time must hold at least 2 increasing instants [s], got {len(time)}: "
+            f"{np.array2string(np.asarray(time), threshold=6)}"
         )
     return (output_matrix(position) @ transition_matrix(time - time[0]))[..., 0, :]
 
@@ -61,12 +76,13 @@ def output_map(
 def ltv_gramian(
     time: Float[np.ndarray, " samples"], position: Float[np.ndarray, "samples 2"]
 ) -> Float[np.ndarray, "4 4"]:
-    r"""Return the local observability Gramian along any sampled path, by Simpson's rule: error O(h⁴) on smooth paths.
+    r"""Return the local observability Gramian along any sampled path.
 
     .. math:: P(T) = \int_0^T \Phi^\top C^\top C \Phi \, dt = 4 \int_0^T
               \begin{bmatrix} p p^\top & t\,p p^\top \\ t\,p p^\top & t^2 p p^\top \end{bmatrix} dt
 
-    Thesis (3.4) with p = x, the AUV about a fixed CNA, and (3.11) with p = r = −x, a CNA about a still AUV: the same matrix.
+    Thesis (3.4) with p = x, the AUV about a fixed CNA, and (3.11) with p = r = −x, a CNA about a
+    still AUV: the same matrix. By Simpson's rule: error O(h⁴) on smooth paths.
     """
     rows = output_map(time, position)
     return np.asarray(simpson(rows[:, :, None] * rows[:, None, :], x=time, axis=0))
@@ -77,14 +93,17 @@ def recover_initial_state(
     position: Float[np.ndarray, "samples 2"],
     output: Float[np.ndarray, " samples"],
 ) -> Float[np.ndarray, "4"]:
-    r"""Return the initial state of the zero-input response, :math:`x(0) = P^{-1} \int \Phi^\top C^\top y \, dt` (2.6).
+    r"""Return the initial state of the zero-input response (2.6).
+
+    .. math:: x(0) = P^{-1} \int \Phi^\top C^\top y \, dt
 
     Raises ValueError where the Gramian is singular: by Theorem 1 the output does not tell.
     """
     hidden = unobservable_subspace(time, position)
     if hidden.size:
         raise ValueError(
-            f"the path leaves {hidden.shape[1]} of 4 directions unobservable; curve the path before recovering a state"
+            f"the path leaves {hidden.shape[1]} of 4 directions unobservable; "
+            "curve the path before recovering a state"
         )
     correlation = simpson(output_map(time, position) * output[:, None], x=time, axis=0)
     return np.linalg.solve(ltv_gramian(time, position), correlation)
@@ -93,10 +112,13 @@ def recover_initial_state(
 def unobservable_subspace(
     time: Float[np.ndarray, " samples"], position: Float[np.ndarray, "samples 2"]
 ) -> Float[np.ndarray, "4 hidden"]:
-    """Return a basis of the initial states v with C(t) Φ(t) v = 0 at every sample (2.8), as columns; none where observable.
+    """Return a basis of the initial states v with C(t) Φ(t) v = 0 at every sample (2.8).
 
-    Adding any of them to an initial state leaves the linear output as it was (Theorem 1). Rank by singular values of CΦ itself, not of
-    its square the Gramian, with time in units of the duration so that seconds and metres weigh alike.
+    The basis is columns; there are none where the state is observable.
+
+    Adding any of them to an initial state leaves the linear output as it was (Theorem 1). Rank by
+    singular values of CΦ itself, not of its square the Gramian, with time in units of the duration
+    so that seconds and metres weigh alike.
     """
     rows = output_map(time, position)
     duration = time[-1] - time[0]
@@ -111,14 +133,17 @@ def circle_gramian(radius: float, rate: float, duration: float) -> Float[np.ndar
     r"""Return the Gramian on p(t) = R (cos ωt, sin ωt) in closed form.
 
     .. math:: \int_0^T t^k p p^\top dt = \tfrac{R^2}{2} \Bigl( \tfrac{T^{k+1}}{k+1} I +
-              \begin{bmatrix} \Re E_k & \Im E_k \\ \Im E_k & -\Re E_k \end{bmatrix} \Bigr), \quad E_k = \int_0^T t^k e^{2i\omega t} dt
+              \begin{bmatrix} \Re E_k & \Im E_k \\ \Im E_k & -\Re E_k \end{bmatrix} \Bigr), \quad
+              E_k = \int_0^T t^k e^{2i\omega t} dt
 
-    Over half and whole turns the position block is 2R²T·I. Digits are lost as (ωT)⁻³ on arcs much shorter than a radian.
-    Raises ValueError unless radius and duration are positive and the rate [rad/s] is not zero.
+    Over half and whole turns the position block is 2R²T·I. Digits are lost as (ωT)⁻³ on arcs much
+    shorter than a radian. Raises ValueError unless radius and duration are positive and the rate
+    [rad/s] is not zero.
     """
     if not (radius > 0 and duration > 0 and abs(rate) > 0):
         raise ValueError(
-            f"radius and duration must be positive and rate not zero, got {radius} m, {duration} s, {rate} rad/s"
+            f"radius and duration must be positive and rate not zero, got {radius} m, "
+            f"{duration} s, {rate} rad/s"
         )
     turning, end = 2j * rate, np.exp(2j * rate * duration)
     E = (end - 1) / turning
@@ -126,23 +151,21 @@ def circle_gramian(radius: float, rate: float, duration: float) -> Float[np.ndar
     for k in range(3):
         if k:
             E = (duration**k * end - k * E) / turning  # by parts
-        blocks.append(
-            2
-            * radius**2
-            * (
-                duration ** (k + 1) / (k + 1) * np.eye(2)
-                + np.array([[E.real, E.imag], [E.imag, -E.real]])
-            )
-        )
+        steady = duration ** (k + 1) / (k + 1) * np.eye(2)
+        turned = np.array([[E.real, E.imag], [E.imag, -E.real]])
+        blocks.append(2 * radius**2 * (steady + turned))
     return np.block([[blocks[0], blocks[1]], [blocks[1], blocks[2]]])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CircleVerdict:
-    """Gramians of the circle by every route, and the ranks python-control finds. Gramians are of the state (position, velocity).
+    """Gramians of the circle by every route, and the ranks python-control finds.
 
-    ``closed_form`` and ``ours`` (Simpson) are this module's; ``rotating_frame`` (Van Loan by ``c2d``), ``response`` (``initial_response``
-    and Simpson) and ``simulation`` (a time-varying ``nlsys``) are python-control's.
+    Gramians are of the state (position, velocity).
+
+    ``closed_form`` and ``ours`` (Simpson) are this module's; ``rotating_frame`` (Van Loan by
+    ``c2d``), ``response`` (``initial_response`` and Simpson) and ``simulation`` (a time-varying
+    ``nlsys``) are python-control's.
     """
 
     duration: float  # [s]
@@ -156,7 +179,10 @@ class CircleVerdict:
 
     @property
     def errors(self) -> dict[str, float]:
-        """Largest deviation of each route from the closed form, relative to each entry's natural size √(Wii Wjj)."""
+        """Largest deviation of each route from the closed form.
+
+        It is relative to each entry's natural size √(Wii Wjj).
+        """
         size = np.sqrt(np.outer(np.diag(self.closed_form), np.diag(self.closed_form)))
         routes = ("ours", "rotating_frame", "response", "simulation")
         return {
@@ -168,9 +194,10 @@ class CircleVerdict:
 def validate_circle(radius: float, rate: float, turns: float) -> CircleVerdict:
     """Ask python-control whether the circle is observable, by routes that share no code with ours.
 
-    It has no time-varying linear systems. Two routes lead to the right answer: in the frame turning with the beacon the system is exactly
-    time-invariant, and a nonlinear system may depend on time. Testing the rank at a frozen time gives 2 of 4 although the system is
-    observable: C changes, and what is hidden now is seen later.
+    It has no time-varying linear systems. Two routes lead to the right answer: in the frame turning
+    with the beacon the system is exactly time-invariant, and a nonlinear system may depend on time.
+    Testing the rank at a frozen time gives 2 of 4 although the system is observable: C changes, and
+    what is hidden now is seen later.
 
     Raises ValueError unless radius [m] and turns are positive and the rate [rad/s] is not zero.
     """
@@ -180,13 +207,16 @@ def validate_circle(radius: float, rate: float, turns: float) -> CircleVerdict:
     time = np.linspace(0.0, duration, intervals + 1)
     dynamics, output = _rotating_frame(np.sign(rate))
     unit_time = abs(rate) * time
+    rotating_frame = _van_loan(dynamics, output, unit_time[-1])
+    response = _response_gramian(dynamics, output, unit_time)
+    simulation = _simulated_gramian(np.sign(rate), unit_time[-1])
     return CircleVerdict(
         duration=duration,
         closed_form=closed_form,
         ours=ltv_gramian(time, _circle(radius, rate, time)),
-        rotating_frame=_in_units(_van_loan(dynamics, output, unit_time[-1]), radius, rate),
-        response=_in_units(_response_gramian(dynamics, output, unit_time), radius, rate),
-        simulation=_in_units(_simulated_gramian(np.sign(rate), unit_time[-1]), radius, rate),
+        rotating_frame=_in_units(rotating_frame, radius, rate),
+        response=_in_units(response, radius, rate),
+        simulation=_in_units(simulation, radius, rate),
         rotating_frame_rank=_observability_rank(dynamics, output),
         frozen_time_rank=_observability_rank(A, output),
     )
@@ -197,7 +227,10 @@ def _circle(radius: float, rate: float, time: np.ndarray) -> np.ndarray:
 
 
 def _in_units(W: np.ndarray, radius: float, rate: float) -> np.ndarray:
-    """Carry a Gramian of the unit circle at unit rate over to this circle: python-control's tools lose digits in other units."""
+    """Carry a Gramian of the unit circle at unit rate over to this circle.
+
+    The tools of python-control lose digits in other units.
+    """
     scale = np.array([1.0, 1.0, 1 / abs(rate), 1 / abs(rate)])
     return radius**2 / abs(rate) * W * np.outer(scale, scale)
 
@@ -210,7 +243,10 @@ def _control() -> Any:
 
 
 def _rotating_frame(rate: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return (A + Ω, C) for z = Rot(−ωt) x blockwise, on the unit circle: ż = (A + Ω) z, y = 2 z1, the path being still at (1, 0)."""
+    """Return (A + Ω, C) for z = Rot(−ωt) x blockwise, on the unit circle.
+
+    There ż = (A + Ω) z and y = 2 z1, the path being still at (1, 0).
+    """
     turning_back = rate * np.array([[0.0, 1.0], [-1.0, 0.0]])
     return A + np.kron(np.eye(2), turning_back), output_matrix(np.array([1.0, 0.0]))
 
@@ -220,7 +256,10 @@ def _observability_rank(dynamics: np.ndarray, output: np.ndarray) -> int:
 
 
 def _van_loan(dynamics: np.ndarray, output: np.ndarray, duration: float) -> np.ndarray:
-    """Gramian by the exponential of [[−Aᵀ, CᵀC], [0, A]] (Van Loan 1978), which discretisation of that system computes."""
+    """Gramian by the exponential of [[−Aᵀ, CᵀC], [0, A]] (Van Loan 1978).
+
+    Discretisation of that system computes it.
+    """
     n = len(dynamics)
     block = np.block([[-dynamics.T, output.T @ output], [np.zeros((n, n)), dynamics]])
     system = _control().ss(block, np.zeros((2 * n, 1)), np.eye(2 * n), 0)
@@ -238,7 +277,10 @@ def _response_gramian(dynamics: np.ndarray, output: np.ndarray, time: np.ndarray
 
 
 def _simulated_gramian(rate: float, duration: float) -> np.ndarray:
-    """Gramian as a state: dΦ/dt = A Φ, dW/dt = (C Φ)ᵀ C Φ on the unit circle, simulated as a nonlinear, time-varying system."""
+    """Gramian as a state of a nonlinear, time-varying system, simulated on the unit circle.
+
+    dΦ/dt = A Φ, dW/dt = (C Φ)ᵀ C Φ
+    """
 
     def rates(t, state, _input, _parameters):
         Phi = state[:16].reshape(4, 4)

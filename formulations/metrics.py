@@ -33,14 +33,18 @@ Entries = tuple[Any, ...]
 def condition_number(W: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*batch"]:
     """Return the estimation condition number λmax/λmin, at least 1; inf where singular.
 
-    It depends on the units of the states. Relative error about eps·κ: take singular values of a square-root factor of W beyond 1e8.
+    It depends on the units of the states. Relative error about eps·κ: take singular values of a
+    square-root factor of W beyond 1e8.
     """
     eigenvalues, singular = _spectrum(W)
     return np.where(singular, np.inf, eigenvalues[..., -1] / eigenvalues[..., 0])
 
 
 def unobservability_index(W: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*batch"]:
-    """Return 1/λmin, the worst amplification of measurement energy into state error; inf where singular."""
+    """Return 1/λmin, the worst amplification of measurement energy into state error.
+
+    It is inf where W is singular.
+    """
     eigenvalues, singular = _spectrum(W)
     with np.errstate(over="ignore"):
         return np.where(singular, np.inf, 1.0 / eigenvalues[..., 0])
@@ -59,7 +63,10 @@ def log_det(W: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*batch"]:
 
 
 def trace_inverse(W: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*batch"]:
-    """Return tr W⁻¹, the sum of error variances when W is an information matrix; inf where singular."""
+    """Return tr W⁻¹, the sum of error variances when W is an information matrix.
+
+    It is inf where W is singular.
+    """
     eigenvalues, singular = _spectrum(W)
     with np.errstate(over="ignore"):
         return np.where(singular, np.inf, (1.0 / eigenvalues).sum(axis=-1))
@@ -103,9 +110,12 @@ METRICS = MappingProxyType(
 def score(
     name: str, W: Float[np.ndarray, "*batch n n"], *, blend_weight: float = BLEND_WEIGHT
 ) -> Float[np.ndarray, "*batch"]:
-    """Return the metric called ``name`` for a minimiser: lower is better, and inf where W is singular, whatever the metric.
+    """Return the metric called ``name`` for a minimiser.
 
-    Metrics of which more is better (smallest eigenvalue, log det) change sign. Raises ValueError for an unknown name.
+    Lower is better, and inf where W is singular, whatever the metric.
+
+    Metrics of which more is better (smallest eigenvalue, log det) change sign. Raises ValueError
+    for an unknown name.
     """
     check_metric(name)
     if name == "blend":
@@ -129,10 +139,12 @@ def check_blend_weight(weight: float) -> None:
 
 
 def unobservable_direction(W: Float[np.ndarray, "n n"], names: Sequence[str]) -> dict[str, float]:
-    """Name the direction that the outputs see least: the unit eigenvector of λmin as {state name: component}.
+    """Name the direction that the outputs see least.
 
-    Its largest component is positive. Where λmin is repeated, it is one direction of that eigenspace.
-    Raises ValueError if W is not finite, or if there is not exactly one name per state.
+    It is the unit eigenvector of λmin as {state name: component}.
+
+    Its largest component is positive. Where λmin is repeated, it is one direction of that
+    eigenspace. Raises ValueError if W is not finite, or if there is not exactly one name per state.
     """
     if len(names) != len(W):
         raise ValueError(
@@ -152,10 +164,12 @@ def position_schur_complement(
 
     .. math:: W = \begin{bmatrix} A & B \\ B^\top & D \end{bmatrix}, \quad S = A - B D^{+} B^\top
 
-    For an information matrix, S⁻¹ is the position block of W⁻¹. D may be singular: B has no part in its null space when W is positive
-    semidefinite. D is scaled to unit diagonal first, so that units cannot make a weak state look like rounding, and its eigenvalues are
-    raised to n·eps rather than dropped. Eigenvalues of S below n·eps·λmax(A) are what cancellation leaves of zero, and are set to zero.
-    A matrix that is not finite gives zero: no information. Raises ValueError unless 1 ≤ keep ≤ n.
+    For an information matrix, S⁻¹ is the position block of W⁻¹. D may be singular: B has no part in
+    its null space when W is positive semidefinite. D is scaled to unit diagonal first, so that
+    units cannot make a weak state look like rounding, and its eigenvalues are raised to n·eps
+    rather than dropped. Eigenvalues of S below n·eps·λmax(A) are what cancellation leaves of zero,
+    and are set to zero. A matrix that is not finite gives zero: no information. Raises ValueError
+    unless 1 ≤ keep ≤ n.
     """
     n = W.shape[-1]
     if not 1 <= keep <= n:
@@ -192,10 +206,12 @@ def _finite_or_zero(W: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*b
 def score_expression(
     name: str, entries: Entries, *, blend_weight: float = BLEND_WEIGHT
 ) -> Expression:
-    """Return the metric called ``name`` for a minimiser, as ``score`` does: lower is better, inf where W is singular or not finite.
+    """Return the metric called ``name`` for a minimiser, as ``score`` does.
 
-    The rule for singular is the same. A pivot that is rounding needs no test of its own: λmin is no larger.
-    Raises ValueError for an unknown name, or unless there are 3 or 6 entries.
+    Lower is better, and inf where W is singular or not finite.
+
+    The rule for singular is the same. A pivot that is rounding needs no test of its own: λmin is no
+    larger. Raises ValueError for an unknown name, or unless there are 3 or 6 entries.
     """
     check_metric(name)
     check_blend_weight(blend_weight)
@@ -224,9 +240,12 @@ def score_expression(
 
 
 def position_schur_expression(entries: Entries) -> Entries:
-    """Return the three entries of the Schur complement of the first two of three states, as ``position_schur_complement`` does.
+    """Return the Schur complement of the first two of three states by its three entries.
 
-    What cancellation leaves of zero, at most 3·eps of the entry it came from, is made exactly singular.
+    `position_schur_complement` does the same for arrays.
+
+    What cancellation leaves of zero, at most 3·eps of the entry it came from, is made exactly
+    singular.
     """
     w11, w12, w13, w22, w23, w33 = (ca.densify(w) for w in entries)
     seen = w33 > 0
@@ -243,7 +262,10 @@ def position_schur_expression(entries: Entries) -> Entries:
 
 
 def _invert2(w11, w12, w22) -> tuple[Any, Entries, Entries]:
-    """Return where every pivot is positive, the pivots, and the entries of W⁻¹; a pivot that is not counts as 1."""
+    """Return where every pivot is positive, the pivots, and the entries of W⁻¹.
+
+    A pivot that is not counts as 1.
+    """
     regular, d1 = _pivot(w11)
     l21 = w12 / d1
     regular2, d2 = _pivot(w22 - l21 * w12)

@@ -1,4 +1,7 @@
-"""Observability Gramians of any dynamics and measurement: exact by forward sensitivities, empirical by central differences."""
+"""Observability Gramians of any dynamics and measurement.
+
+They are exact by forward sensitivities, or empirical by central differences.
+"""
 
 from .empirical import empirical_gramian
 from .exact import ExactGramian, exact_gramian

@@ -1,4 +1,7 @@
-"""Empirical observability Gramian: central differences of any simulator's output, nothing known of the model inside."""
+"""Empirical observability Gramian: central differences of any simulator's output.
+
+Nothing need be known of the model inside.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,7 +11,9 @@ from jaxtyping import Float
 
 from .samples import quadrature_weights, whitening_matrix
 
-EPSILON = 1e-5  # near the cube root of a double's rounding, where truncation and rounding of a central difference meet
+# Near the cube root of a double's rounding, where truncation and rounding of a central difference
+# meet.
+EPSILON = 1e-5
 
 
 def empirical_gramian(
@@ -22,43 +27,51 @@ def empirical_gramian(
 ) -> Float[np.ndarray, "... n n"]:
     r"""Return the empirical local observability Gramian of whatever ``simulate`` simulates.
 
-    .. math:: W_{ij} = \frac{1}{4 \epsilon_i \epsilon_j} \int_0^T (y^{+i} - y^{-i})^\top R^{-1} (y^{+j} - y^{-j}) \, dt
+    .. math:: W_{ij} = \frac{1}{4 \epsilon_i \epsilon_j}
+              \int_0^T (y^{+i} - y^{-i})^\top R^{-1} (y^{+j} - y^{-j}) \, dt
 
-    Equation (2.9) of the thesis, with one displacement per state if wanted and R as Fisher weighting. It differs from the exact Gramian by
-    O(epsilon^2), and by O(rounding of y / epsilon) at the other end; outputs at most quadratic in the displaced states are exact for any
-    epsilon. Samples, weights, R and units are those of :func:`exact_gramian`. An output that is not finite gives nan.
+    Equation (2.9) of the thesis, with one displacement per state if wanted and R as Fisher
+    weighting. It differs from the exact Gramian by O(epsilon^2), and by O(rounding of y / epsilon)
+    at the other end; outputs at most quadratic in the displaced states are exact for any epsilon.
+    Samples, weights, R and units are those of :func:`exact_gramian`. An output that is not finite
+    gives nan.
 
     Parameters
     ----------
     simulate
-        x0 -> outputs (..., samples, y) at equally spaced times over the horizon, both ends included: plain Python or a CasADi Function.
-        Leading axes (controls, say) come back as leading axes of W. Angles must not wrap.
+        x0 -> outputs (..., samples, y) at equally spaced times over the horizon, both ends
+        included: plain Python or a CasADi Function. Leading axes (controls, say) come back as
+        leading axes of W. Angles must not wrap.
     horizon
         T [s].
     epsilon
-        Displacement, in the unit of the state; about 1e-5 of the length over which the output curves.
+        Displacement, in the unit of the state; about 1e-5 of the length over which the output
+        curves.
     rule
         ``left``, ``trapezoid``, ``simpson`` or ``sum``: see :func:`quadrature_weights`.
 
     Raises
     ------
     ValueError
-        If a displacement is not positive, the outputs are not samples x y, or rule, horizon or R are not valid.
+        If a displacement is not positive, the outputs are not samples x y, or rule, horizon or R
+        are not valid.
     """
     steps = np.broadcast_to(np.asarray(epsilon, dtype=float), x0.shape)
     if not np.all(steps > 0):
         raise ValueError(
-            f"epsilon must be positive, got {epsilon}; about 1e-5 of the scale of the state is a good choice"
+            f"epsilon must be positive, got {epsilon}; "
+            "about 1e-5 of the scale of the state is a good choice"
         )
     displacements = np.diag(steps)
-    differences = [
-        (_outputs(simulate, x0 + d) - _outputs(simulate, x0 - d)) / (2 * e)
-        for d, e in zip(displacements, steps, strict=True)
-    ]
+    differences = []
+    for displacement, step in zip(displacements, steps, strict=True):
+        up, down = _outputs(simulate, x0 + displacement), _outputs(simulate, x0 - displacement)
+        differences.append((up - down) / (2 * step))
     J = np.stack(differences, axis=-1)
     samples, outputs, n = J.shape[-3:]
     weights = np.sqrt(quadrature_weights(samples, horizon, rule))[:, None, None]
-    F = (weights * (whitening_matrix(R, outputs) @ J)).reshape(*J.shape[:-3], samples * outputs, n)
+    whitened = weights * (whitening_matrix(R, outputs) @ J)
+    F = whitened.reshape(*J.shape[:-3], samples * outputs, n)
     return np.swapaxes(F, -1, -2) @ F
 
 
@@ -67,6 +80,7 @@ def _outputs(simulate: Callable[[Any], Any], x0: np.ndarray) -> np.ndarray:
     y = np.asarray(simulate(x0), dtype=float)
     if y.ndim < 2:
         raise ValueError(
-            f"simulate must return outputs of shape (samples, outputs), got {y.shape}; one output is a column y[:, None]"
+            f"simulate must return outputs of shape (samples, outputs), got {y.shape}; "
+            "one output is a column y[:, None]"
         )
     return y

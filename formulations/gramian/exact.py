@@ -1,19 +1,22 @@
-"""Exact observability Gramian: forward sensitivities carried along the trajectory, compiled once for any f and h."""
+"""Exact observability Gramian: forward sensitivities carried along the trajectory.
+
+It is compiled once for any dynamics f and measurement h.
+"""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from ..model.casadi import evaluate, mapped
+from ..model.casadi import evaluate, mapped, matrix
 from .samples import quadrature_weights, whitening_matrix
 
-UNROLLED_INSTRUCTIONS = 500_000  # up to here the horizon is one straight-line function: twice as fast, and built in 0.2 s
+# Up to here the horizon is one straight-line function: twice as fast, and built in 0.2 s.
+UNROLLED_INSTRUCTIONS = 500_000
 MOST_DOUBLINGS = 12  # of the steps, before a Gramian is declared not to converge
 
 Model = Callable[[Any, Any, Any, Any], Any]  # (t, x, u, p) -> column, as CasADi expressions
@@ -33,71 +36,87 @@ def exact_gramian(
 ) -> "ExactGramian":
     r"""Compile the observability Gramian of any dynamics and measurement about a trajectory.
 
-    .. math:: W = \int_{t_0}^{t_0+T} J^\top R^{-1} J \, dt, \quad J(t) = \frac{\partial h}{\partial x} \Phi(t), \quad
+    .. math:: W = \int_{t_0}^{t_0+T} J^\top R^{-1} J \, dt, \quad
+              J(t) = \frac{\partial h}{\partial x} \Phi(t), \quad
               \dot\Phi = \frac{\partial f}{\partial x} \Phi, \quad \Phi(t_0) = 1
 
-    Equation (2.4) of the thesis, linearised about the trajectory and weighted as Fisher information. The classical Runge-Kutta method
-    (order 4) carries state and sensitivities together, so J is the derivative of the computed output to rounding, and the integral is a
-    sum over the steps + 1 samples. With ``discrete`` the dynamics are a map, and W is by default the sum over the samples.
+    Equation (2.4) of the thesis, linearised about the trajectory and weighted as Fisher
+    information. The classical Runge-Kutta method (order 4) carries state and sensitivities
+    together, so J is the derivative of the computed output to rounding, and the integral is a sum
+    over the steps + 1 samples. With ``discrete`` the dynamics are a map, and W is by default the
+    sum over the samples.
 
     Parameters
     ----------
     f, h
-        f(t, x, u, p) -> dx/dt, or the next state if ``discrete``; h(t, x, u, p) -> y. Written in CasADi (``ca.sin``, not ``np.sin``).
+        f(t, x, u, p) -> dx/dt, or the next state if ``discrete``; h(t, x, u, p) -> y. Written in
+        CasADi (``ca.sin``, not ``np.sin``).
     n, m, q
         Numbers of states, controls and parameters.
     steps
-        Number of steps; u is held over each. h sees, at a sample, the control of the step that starts there; at the last, of the last.
-        Where u jumps, the integrand has a kink: for Simpson to keep its order, hold each control over an even number of steps.
+        Number of steps; u is held over each. h sees, at a sample, the control of the step that
+        starts there; at the last, of the last. Where u jumps, the integrand has a kink: for Simpson
+        to keep its order, hold each control over an even number of steps.
     rule
-        ``left``, ``trapezoid``, ``simpson`` (default), ``sum`` (default if ``discrete``): see :func:`quadrature_weights`.
+        ``left``, ``trapezoid``, ``simpson`` (default), ``sum`` (default if ``discrete``): see
+        :func:`quadrature_weights`.
     substeps
         Runge-Kutta steps per step, for samples far apart (pings).
 
     Raises
     ------
     ValueError
-        For an unknown rule, too few steps, substeps of a discrete map, or a model that does not return a column of the right length.
+        For an unknown rule, too few steps, substeps of a discrete map, or a model that does not
+        return a column of the right length.
     """
     rule = rule or ("sum" if discrete else "simpson")
     if min(n, steps, substeps) < 1 or min(m, q) < 0:
         raise ValueError(
-            f"n, steps and substeps must be at least 1, m and q at least 0, got {n}, {steps}, {substeps}, {m}, {q}"
+            f"n, steps and substeps must be at least 1, m and q at least 0, got {n}, {steps}, "
+            f"{substeps}, {m}, {q}"
         )
     if discrete and substeps != 1:
         raise ValueError(
             f"a discrete map takes one step per sample, got substeps={substeps}; leave substeps out"
         )
-    function = _horizon(*_stage(f, h, n, m, q, discrete, substeps), steps, rule)
-    again = partial(exact_gramian, f, h, n=n, m=m, q=q, rule=rule, substeps=substeps)
+    step, sample = _stage(f, h, n, m, q, discrete, substeps)
+
+    def refine(steps: int) -> ExactGramian:
+        return exact_gramian(f, h, n=n, m=m, q=q, steps=steps, rule=rule, substeps=substeps)
+
     refinable = not discrete and rule != "sum"
     return ExactGramian(
-        function=function, refine=(lambda steps: again(steps=steps)) if refinable else None
+        function=_horizon(step, sample, steps, rule), refine=refine if refinable else None
     )
 
 
 def _stage(
     f: Model, h: Model, n: int, m: int, q: int, discrete: bool, substeps: int
 ) -> tuple[ca.Function, ca.Function]:
-    """Build one step of state and sensitivities, and one sample's rows of the factor (transposed, so that samples stack as columns)."""
-    t, dt, weight = ca.MX.sym("t"), ca.MX.sym("dt"), ca.MX.sym("weight")
-    x, u, p, Phi = ca.MX.sym("x", n), ca.MX.sym("u", m), ca.MX.sym("p", q), ca.MX.sym("Phi", n, n)
+    """Build one step of state and sensitivities, and one sample's rows of the factor.
+
+    The rows are transposed, so that samples stack as columns.
+    """
+    t, dt, weight = matrix("t"), matrix("dt"), matrix("weight")
+    x, u, p, Phi = matrix("x", n), matrix("u", m), matrix("p", q), matrix("Phi", n, n)
     y = _column("h", h(t, x, u, p))
     x_next = _column("f", f(t, x, u, p), n) if discrete else x
     for k in range(0 if discrete else substeps):
         x_next = _runge_kutta(f, t + k * dt / substeps, x_next, u, p, dt / substeps)
-    whitening = ca.MX.sym("whitening", y.numel(), y.numel())
+    Phi_next = ca.densify(ca.jtimes(x_next, x, Phi))
+    step = ca.Function("step", [x, Phi, t, u, p, dt], [x_next, Phi_next])
+    whitening = matrix("whitening", y.numel(), y.numel())
     rows = ca.densify((weight * whitening @ ca.jtimes(y, x, Phi)).T)
-    sample = _straightened(ca.Function("sample", [t, x, Phi, u, p, weight, whitening], [rows]))
-    step = _straightened(
-        ca.Function("step", [x, Phi, t, u, p, dt], [x_next, ca.densify(ca.jtimes(x_next, x, Phi))])
-    )
-    return step, sample
+    sample = ca.Function("sample", [t, x, Phi, u, p, weight, whitening], [rows])
+    return _straightened(step), _straightened(sample)
 
 
 def _runge_kutta(f: Model, t, x, u, p, dt):
     """Return the state after dt by the classical fourth-order method."""
-    rate = lambda t, x: _column("f", f(t, x, u, p), x.shape[0])  # noqa: E731
+
+    def rate(t, x):
+        return _column("f", f(t, x, u, p), x.shape[0])
+
     k1 = rate(t, x)
     k2 = rate(t + dt / 2, x + dt / 2 * k1)
     k3 = rate(t + dt / 2, x + dt / 2 * k2)
@@ -117,7 +136,10 @@ def _column(name: str, value: Any, rows: int | None = None) -> ca.MX:
 
 
 def _straightened(function: ca.Function) -> ca.Function:
-    """Return the function on scalars, many times faster, or as it is if it calls what has no scalar form (tables, solvers)."""
+    """Return the function on scalars, which is many times faster.
+
+    What calls functions that have no scalar form (tables, solvers) comes back as it is.
+    """
     try:
         return function.expand()
     except RuntimeError:
@@ -127,23 +149,18 @@ def _straightened(function: ca.Function) -> ca.Function:
 def _horizon(step: ca.Function, sample: ca.Function, steps: int, rule: str) -> ca.Function:
     """Chain the steps: (x0, u, p, t0, horizon, whitening) -> (W, factor)."""
     n, m, q, outputs = step.size1_in(0), step.size1_in(3), step.size1_in(4), sample.size1_in(6)
-    x0, u, p = ca.MX.sym("x0", n), ca.MX.sym("u", m, steps), ca.MX.sym("p", q)
-    t0, horizon, whitening = (
-        ca.MX.sym("t0"),
-        ca.MX.sym("horizon"),
-        ca.MX.sym("whitening", outputs, outputs),
-    )
+    x0, u, p = matrix("x0", n), matrix("u", m, steps), matrix("p", q)
+    t0, horizon = matrix("t0"), matrix("horizon")
+    whitening = matrix("whitening", outputs, outputs)
     dt = horizon / steps
     t = t0 + dt * ca.DM(range(steps + 1)).T
     unit_weights = np.sqrt(quadrature_weights(steps + 1, float(steps), rule))
     weights = ca.DM(unit_weights).T * (1 if rule == "sum" else ca.sqrt(dt))
-    X, Phi = step.mapaccum("steps", steps, 2)(
-        x0, ca.DM.eye(n), t[:-1], u, ca.repmat(p, 1, steps), ca.repmat(dt, 1, steps)
-    )
+    each_step = ca.repmat(p, 1, steps), ca.repmat(dt, 1, steps)
+    X, Phi = step.mapaccum("steps", steps, 2)(x0, ca.DM.eye(n), t[:-1], u, *each_step)
     X, Phi, U = ca.horzcat(x0, X), ca.horzcat(ca.DM.eye(n), Phi), ca.horzcat(u, u[:, -1])
-    columns = sample.map(steps + 1)(
-        t, X, Phi, U, ca.repmat(p, 1, steps + 1), weights, ca.repmat(whitening, 1, steps + 1)
-    )
+    p_each, whitening_each = ca.repmat(p, 1, steps + 1), ca.repmat(whitening, 1, steps + 1)
+    columns = sample.map(steps + 1)(t, X, Phi, U, p_each, weights, whitening_each)
     names = ["x0", "u", "p", "t0", "horizon", "whitening"], ["W", "factor"]
     function = ca.Function(
         "exact_gramian",
@@ -157,10 +174,13 @@ def _horizon(step: ca.Function, sample: ca.Function, steps: int, rule: str) -> c
 
 @dataclass(frozen=True, kw_only=True)
 class ExactGramian:
-    """Compiled observability Gramian; made by :func:`exact_gramian`, called with the conditions it is wanted for.
+    """Compiled observability Gramian.
 
-    ``function`` is the CasADi Function (x0: n, u: m x steps, p, t0, horizon, whitening: R^(-1/2)) -> (W: n x n, factor: rows x n) for use
-    inside other expressions; ``refine(steps)`` compiles the same Gramian with another number of steps, where that has a meaning.
+    Made by :func:`exact_gramian`, called with the conditions it is wanted for.
+
+    ``function`` is the CasADi Function (x0: n, u: m x steps, p, t0, horizon, whitening: R^(-1/2))
+    -> (W: n x n, factor: rows x n) for use inside other expressions; ``refine(steps)`` compiles the
+    same Gramian with another number of steps, where that has a meaning.
     """
 
     function: ca.Function
@@ -181,15 +201,19 @@ class ExactGramian:
         t0: float = 0.0,
         R: Float[np.ndarray, "y y"] | None = None,
     ) -> Float[np.ndarray, "... n n"]:
-        """Evaluate W about the trajectory from ``x0`` at time ``t0`` [s] over ``horizon`` [s]; symmetric positive semidefinite.
+        """Evaluate W about the trajectory from ``x0`` at time ``t0`` [s] over ``horizon`` [s].
 
-        ``u`` is (..., steps, m), each row held over one step, or (..., 1, m), held throughout; ``x0`` is (..., n), ``p`` (..., q). Leading
-        axes are broadcast: ``x0[:, None]`` with ``u[None]`` gives every state under every control in one evaluation.
-        ``R`` is the covariance of the measurement noise (where the rule is an integral, its density: unit y^2 s); without it, 1 in units
-        of y. Unit of W_ij: 1 / (unit x_i · unit x_j) with R; without, times that of y^2, and of time unless the rule is ``sum``.
-        A case whose inputs or entries are not finite (range has no derivative at zero distance) gives nan in every entry, never a
-        plausible number; the others are not touched.
-        Raises ValueError for shapes that do not fit, an R that is not a covariance, or a horizon that is not positive.
+        W is symmetric positive semidefinite.
+
+        ``u`` is (..., steps, m), each row held over one step, or (..., 1, m), held throughout;
+        ``x0`` is (..., n), ``p`` (..., q). Leading axes are broadcast: ``x0[:, None]`` with
+        ``u[None]`` gives every state under every control in one evaluation. ``R`` is the covariance
+        of the measurement noise (where the rule is an integral, its density: unit y^2 s); without
+        it, 1 in units of y. Unit of W_ij: 1 / (unit x_i · unit x_j) with R; without, times that of
+        y^2, and of time unless the rule is ``sum``. A case whose inputs or entries are not finite
+        (range has no derivative at zero distance) gives nan in every entry, never a plausible
+        number; the others are not touched. Raises ValueError for shapes that do not fit, an R that
+        is not a covariance, or a horizon that is not positive.
         """
         return self._evaluate("W", x0, u, horizon=horizon, p=p, t0=t0, R=R)
 
@@ -199,10 +223,12 @@ class ExactGramian:
         u: Float[np.ndarray, "... m"] | None = None,
         **conditions: Any,
     ) -> Float[np.ndarray, "... rows n"]:
-        """Evaluate the factor F of W = F'F: rows sqrt(weight)·R^(-1/2)·dy/dx0, sample by sample. Arguments as in a call.
+        """Evaluate the factor F of W = F'F; arguments as in a call.
 
-        Its singular values, squared, are the eigenvalues of W with twice the digits: W loses those below 2e-16 of the largest, F those
-        below 5e-32 (the square of a double's rounding).
+        Its rows are sqrt(weight)·R^(-1/2)·dy/dx0, sample by sample.
+
+        Its singular values, squared, are the eigenvalues of W with twice the digits: W loses those
+        below 2e-16 of the largest, F those below 5e-32 (the square of a double's rounding).
         """
         return self._evaluate("factor", x0, u, **conditions)
 
@@ -214,15 +240,20 @@ class ExactGramian:
         rtol: float,
         **conditions: Any,
     ) -> "ExactGramian":
-        """Compile the Gramian with so many steps that half of them give the same W to ``rtol``, whatever the units of the states.
+        """Compile the Gramian with so many steps that half of them give the same W to ``rtol``.
 
-        Steps are doubled until every entry changes by at most rtol·sqrt(W_ii·W_jj); the integrator's error and the quadrature's fall
-        together. Controls keep their times: ``np.repeat(u, finer.steps // steps, axis=-2)``. Other arguments as in a call.
-        Raises ValueError if the rule is ``sum`` or the dynamics discrete, or if 12 doublings do not suffice.
+        Units of the states do not matter.
+
+        Steps are doubled until every entry changes by at most rtol·sqrt(W_ii·W_jj); the
+        integrator's error and the quadrature's fall together. Controls keep their times:
+        ``np.repeat(u, finer.steps // steps, axis=-2)``. Other arguments as in a call. Raises
+        ValueError if the rule is ``sum`` or the dynamics discrete, or if 12 doublings do not
+        suffice.
         """
         if self.refine is None:
             raise ValueError(
-                "a sum over samples and discrete dynamics have no step to refine; use an integral rule of continuous dynamics"
+                "a sum over samples and discrete dynamics have no step to refine; "
+                "use an integral rule of continuous dynamics"
             )
         coarse, W = self, self(x0, u, **conditions)
         for _ in range(MOST_DOUBLINGS):
@@ -230,11 +261,13 @@ class ExactGramian:
             u = u if u is None or u.shape[-2] == 1 else np.repeat(u, 2, axis=-2)
             W_fine = fine(x0, u, **conditions)
             diagonal = np.sqrt(np.diagonal(W_fine, axis1=-2, axis2=-1))
-            if np.all(np.abs(W_fine - W) <= rtol * diagonal[..., :, None] * diagonal[..., None, :]):
+            size = diagonal[..., :, None] * diagonal[..., None, :]
+            if np.all(np.abs(W_fine - W) <= rtol * size):
                 return fine
             coarse, W = fine, W_fine
         raise ValueError(
-            f"W did not converge to {rtol} within {coarse.steps} steps; loosen rtol, shorten the horizon, or check f and h"
+            f"W did not converge to {rtol} within {coarse.steps} steps; "
+            "loosen rtol, shorten the horizon, or check f and h"
         )
 
     def _evaluate(
@@ -251,12 +284,8 @@ class ExactGramian:
         """Evaluate one output of the Function for all cases at once, through one buffer."""
         if not (horizon > 0 and math.isfinite(horizon)):
             raise ValueError(f"horizon must be positive and finite [s], got {horizon}")
-        n, steps, m, q = (
-            self.function.size1_in(0),
-            self.steps,
-            self.function.size1_in(1),
-            self.function.size1_in(2),
-        )
+        n, m, q = (self.function.size1_in(i) for i in range(3))
+        steps = self.steps
         u = _given(u, "controls u", (1, m))
         p = _given(p, "parameters p", (q,))
         batch = np.broadcast_shapes(x0.shape[:-1], u.shape[:-2], p.shape[:-1])
@@ -291,7 +320,8 @@ def _given(value: np.ndarray | None, name: str, shape: tuple[int, ...]) -> np.nd
         return value
     if shape[-1]:
         raise ValueError(
-            f"the model takes {shape[-1]} {name}, got none; give an array of (..., {', '.join(map(str, shape))})"
+            f"the model takes {shape[-1]} {name}, got none; "
+            f"give an array of (..., {', '.join(map(str, shape))})"
         )
     return np.empty(shape)
 

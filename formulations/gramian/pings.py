@@ -1,10 +1,16 @@
-r"""Displacement moments of a Gramian whose ranges come at pings: sums over a few instants instead of an integral over the horizon.
+r"""Displacement moments of a Gramian whose ranges come at pings.
 
-.. math:: \sum_{k=0}^{N-1} \tau\, t_k^j\, (1, \Delta_1, \Delta_2, \Delta_1^2, \Delta_1 \Delta_2, \Delta_2^2)(t_k), \quad t_k = f + k \tau
+They are sums over a few instants instead of an integral over the horizon:
 
-f is the time until the first ping and may be an expression; all else is numbers. An arc goes on from where it was at f, turned by what it
-had turned by then, Δ(f + s) = a + R Δ(s), so that the sums over s = kτ, which are numbers, are shifted and turned to those over t. The
-factor τ makes the sum an integral by the rectangle rule: as τ goes to 0 the moments become those of `range`, of the same unit.
+.. math:: \sum_{k=0}^{N-1} \tau\, t_k^j\,
+          (1, \Delta_1, \Delta_2, \Delta_1^2, \Delta_1 \Delta_2, \Delta_2^2)(t_k), \quad
+          t_k = f + k \tau
+
+f is the time until the first ping and may be an expression; all else is numbers. An arc goes on
+from where it was at f, turned by what it had turned by then, Δ(f + s) = a + R Δ(s), so that the
+sums over s = kτ, which are numbers, are shifted and turned to those over t. The factor τ makes the
+sum an integral by the rectangle rule: as τ goes to 0 the moments become those of `range`, of the
+same unit.
 """
 
 from typing import Any
@@ -27,9 +33,12 @@ def ping_moments(
     interval: float,
     count: int,
 ) -> DisplacementMoments:
-    """Moments at ``count`` pings, the first one ``first`` [s] from now and the others ``interval`` [s] apart, as columns over candidates.
+    """Moments at ``count`` pings, as columns over candidates.
 
-    Speed in m/s, turn rates in rad/s; the body frame is that of now. Raises ValueError unless the interval is positive and there is a ping.
+    The first ping is ``first`` [s] from now; the others follow ``interval`` [s] apart.
+
+    Speed in m/s, turn rates in rad/s; the body frame is that of now. Raises ValueError unless the
+    interval is positive and there is a ping.
     """
     if not 0.0 < interval < np.inf:
         raise ValueError(f"time between pings must be finite and positive [s], got {interval}")

@@ -1,18 +1,25 @@
-r"""The Gramian of a unicycle that ranges to AUVs, in closed form: all candidate turn rates and all AUVs in one evaluation.
+r"""The Gramian of a unicycle that ranges to AUVs, in closed form.
 
-The state is (x1, x2, ψ), the aid vehicle's position less the AUV's and its heading; the outputs are y = (ψ, x1² + x2²). At a constant
-turn rate u and speed V, with Δ the aid vehicle's displacement, v the AUV's constant velocity and p(t) = x + Δ(t) - v t,
+All candidate turn rates and all AUVs come out of one evaluation.
+
+The state is (x1, x2, ψ), the aid vehicle's position less the AUV's and its heading; the outputs are
+y = (ψ, x1² + x2²). At a constant turn rate u and speed V, with Δ the aid vehicle's displacement, v
+the AUV's constant velocity and p(t) = x + Δ(t) - v t,
 
 .. math:: W = \int_0^T J^\top R^{-1} J\,dt, \quad
-          J = \begin{bmatrix} 0 & 0 & 1 \\ 2 p_1 & 2 p_2 & 2 (p_2 \Delta_1 - p_1 \Delta_2) \end{bmatrix}
+          J = \begin{bmatrix} 0 & 0 & 1 \\
+          2 p_1 & 2 p_2 & 2 (p_2 \Delta_1 - p_1 \Delta_2) \end{bmatrix}
 
-(thesis 4.3, whose Φ is [1 0 -Δ2; 0 1 Δ1; 0 0 1]). The entries of W are polynomials of degree 2 in x and v. In the body frame, whose first
-axis is the heading at t = 0, their coefficients depend on V, u and T alone: the displacement moments. The polynomials are written with
-plain operators and serve numpy and CasADi alike.
+(thesis 4.3, whose Φ is [1 0 -Δ2; 0 1 Δ1; 0 0 1]). The entries of W are polynomials of degree 2 in x
+and v. In the body frame, whose first axis is the heading at t = 0, their coefficients depend on V,
+u and T alone: the displacement moments. The polynomials are written with plain operators and serve
+numpy and CasADi alike.
 
-Variants: ``exact``; ``thesis``, whose heading perturbation leaves the range unchanged (4.6), so that W13 = W23 = 0. Either is scaled to
-information by the variances R of the two outputs: of white noise in continuous time, a sample's variance times the sampling interval.
-A range, not squared, has this Jacobian over 2‖p(t)‖, which is no polynomial: freeze the distance d and take the variance 4 d² σ².
+Variants: ``exact``; ``thesis``, whose heading perturbation leaves the range unchanged (4.6), so
+that W13 = W23 = 0. Either is scaled to information by the variances R of the two outputs: of white
+noise in continuous time, a sample's variance times the sampling interval. A range, not squared, has
+this Jacobian over 2‖p(t)‖, which is no polynomial: freeze the distance d and take the variance 4 d²
+σ².
 """
 
 from functools import cache, partial
@@ -36,9 +43,12 @@ Moments = Float[np.ndarray, "3 K"] | list[Any]  # rows, or columns that are expr
 
 
 class DisplacementMoments(NamedTuple):
-    """Integrals over the horizon of t^k times 1, Δ1, Δ2, Δ1², Δ1Δ2, Δ2² in the body frame, k = 0, 1, 2 first; units m^a·s^(k+1).
+    """Integrals over the horizon of t^k times 1, Δ1, Δ2, Δ1², Δ1Δ2, Δ2² in the body frame.
 
-    The first of each alone serves an AUV at rest. Moments that are expressions come as three columns each (`formulations.gramian.pings`).
+    The first axis is k = 0, 1, 2; units are m^a·s^(k+1).
+
+    The first of each alone serves an AUV at rest. Moments that are expressions come as three
+    columns each (`formulations.gramian.pings`).
     """
 
     one: Moments
@@ -54,10 +64,12 @@ def displacement_moments(
 ) -> DisplacementMoments:
     r"""Integrate the displacement of exact arcs, Δ = V (sin ut, 1 - cos ut) / u, over the horizon.
 
-    With z = uT and s = t/T, Δ = VT (sin zs, 1 - cos zs) / z, whose powers are sums of sin and cos of zs and 2zs: closed form by
-    E_k(z) = ∫ s^k exp(izs) ds, or a Taylor series in z below ``SERIES_LIMIT``, where the closed form would lose digits as eps/z⁴.
+    With z = uT and s = t/T, Δ = VT (sin zs, 1 - cos zs) / z, whose powers are sums of sin and cos
+    of zs and 2zs: closed form by E_k(z) = ∫ s^k exp(izs) ds, or a Taylor series in z below
+    ``SERIES_LIMIT``, where the closed form would lose digits as eps/z⁴.
 
-    Speed in m/s, turn rates in rad/s, horizon in s. Raises ValueError if one is not finite, the speed negative or the horizon not positive.
+    Speed in m/s, turn rates in rad/s, horizon in s. Raises ValueError if one is not finite, the
+    speed negative or the horizon not positive.
     """
     if not 0.0 <= speed < np.inf:
         raise ValueError(f"speed must be finite and at least 0 [m/s], got {speed}")
@@ -81,7 +93,10 @@ def displacement_moments(
 
 
 def _moments_by_parts(z: Float[np.ndarray, " K"]) -> Float[np.ndarray, "5 3 K"]:
-    """Return the moments of a unit displacement, E_k by integration by parts: E_k = (exp(iz) - k E_{k-1}) / (iz)."""
+    """Return the moments of a unit displacement, by integration by parts.
+
+    E_k = (exp(iz) - k E_{k-1}) / (iz).
+    """
 
     def integrate(z: Float[np.ndarray, " K"]) -> np.ndarray:
         turned = np.exp(1j * z)
@@ -108,7 +123,10 @@ def _moments_by_series(z: Float[np.ndarray, " K"]) -> Float[np.ndarray, "5 3 K"]
 
 @cache
 def _series_coefficients() -> Float[np.ndarray, "5 3 N"]:
-    """Integrate sin θ, 1 - cos θ and their products term by term, θ = zs, times s^k; over z, the products over z²."""
+    """Integrate sin θ, 1 - cos θ and their products term by term.
+
+    θ = zs; all are times s^k, and over z, the products over z².
+    """
     n = np.arange(SERIES_TERMS + 2)
     sign, even, doubled = (-1.0) ** (n // 2), n % 2 == 0, 2.0 ** (n - 1.0)
     sin = np.where(even, 0.0, sign)
@@ -131,10 +149,13 @@ def gramian_entries(
     variant: str = "exact",
     variances: tuple[float, float] = UNIT_VARIANCES,
 ) -> tuple[Array, Array, Array, Array, Array, Array]:
-    """Return W11, W12, W13, W22, W23, W33 in the body frame, each K x M, for M relative positions x and AUV velocities v.
+    """Return W11, W12, W13, W22, W23, W33 in the body frame, each K x M.
 
-    x and v are pairs of 1 x M rows in the body frame, numpy or CasADi; None is an AUV at rest. Variants and variances: see the module.
-    Raises ValueError for another variant, or a variance that is not positive.
+    They are of M relative positions x and AUV velocities v.
+
+    x and v are pairs of 1 x M rows in the body frame, numpy or CasADi; None is an AUV at rest.
+    Variants and variances: see the module. Raises ValueError for another variant, or a variance
+    that is not positive.
     """
     _check_model(variant, variances)
     one, d1, d2, d11, d12, d22 = (
@@ -191,7 +212,9 @@ def range_gramians(
     variant: str = "exact",
     variances: tuple[float, float] = UNIT_VARIANCES,
 ) -> Float[np.ndarray, "K M 3 3"]:
-    """Return the Gramian of every candidate turn rate and every AUV, for the state (x1, x2, ψ) in east and north.
+    """Return the Gramian of every candidate turn rate and every AUV, in east and north.
+
+    The state is (x1, x2, ψ).
 
     Parameters
     ----------
@@ -233,10 +256,13 @@ def range_score_expression(
     heading_is_nuisance: bool = False,
     blend_weight: float = BLEND_WEIGHT,
 ) -> Array:
-    """Return the K x M scores, lower is better, of every candidate for every AUV, as a CasADi expression.
+    """Return the K x M scores of every candidate for every AUV as a CasADi expression.
 
-    The pose is the aid vehicle's (x, y, ψ); positions and velocities are the AUVs', M x 2, east and north. Each may be SX, MX or DM.
-    Metrics do not change under rotation, so W stays in the body frame. ``heading_is_nuisance`` scores the Schur complement of the position.
+    Lower is better.
+
+    The pose is the aid vehicle's (x, y, ψ); positions and velocities are the AUVs', M x 2, east and
+    north. Each may be SX, MX or DM. Metrics do not change under rotation, so W stays in the body
+    frame. ``heading_is_nuisance`` scores the Schur complement of the position.
     """
     body = partial(to_body, ca.cos(pose[2]), ca.sin(pose[2]))
     x = body(pose[0] - positions[:, 0].T, pose[1] - positions[:, 1].T)
@@ -248,9 +274,12 @@ def range_score_expression(
 
 
 def range_gramian_function(n_auvs: int, *, moving: bool = False, **options) -> ca.Function:
-    """Compile ``range_score_expression`` for a number of AUVs: (pose: 3, positions: M x 2[, velocities: M x 2]) -> scores: K x M.
+    """Compile ``range_score_expression`` for a number of AUVs.
 
-    Options are those of ``range_score_expression``. Read it through ``buffer()``; matrices are stored by columns.
+    (pose: 3, positions: M x 2[, velocities: M x 2]) -> scores: K x M
+
+    Options are those of ``range_score_expression``. Read it through ``buffer()``; matrices are
+    stored by columns.
     """
     # Each of some 250 operations runs over the whole K x M matrix, two to four times as fast as
     # scalar by scalar.

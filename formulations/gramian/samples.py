@@ -1,4 +1,7 @@
-"""How samples are weighed, in time and by their noise: the same for every Gramian, so that Gramians compare entry by entry."""
+"""How samples are weighed, in time and by their noise.
+
+It is the same for every Gramian, so that Gramians compare entry by entry.
+"""
 
 import math
 
@@ -11,18 +14,23 @@ RULES = ("left", "trapezoid", "simpson", "sum")
 
 
 def quadrature_weights(samples: int, horizon: float, rule: str) -> Float[np.ndarray, " samples"]:
-    """Weigh equally spaced samples on [0, horizon], both ends included, so that their weighted sum is the integral.
+    """Weigh samples so that their weighted sum is the integral over the horizon.
 
-    ``left``: first order, the last sample unused. ``trapezoid``: second order. ``simpson``: fourth order; an odd number of intervals
-    ends in the 3/8 rule, so any number from two up will do. ``sum``: no integral, each sample counts once (measurements at instants).
-    Raises ValueError for an unknown rule, a horizon that is not positive and finite, or fewer samples than the rule needs.
+    They are equally spaced on [0, horizon], both ends included.
+
+    ``left``: first order, the last sample unused. ``trapezoid``: second order. ``simpson``: fourth
+    order; an odd number of intervals ends in the 3/8 rule, so any number from two up will do.
+    ``sum``: no integral, each sample counts once (measurements at instants). Raises ValueError for
+    an unknown rule, a horizon that is not positive and finite, or fewer samples than the rule
+    needs.
     """
     least = {"left": 2, "trapezoid": 2, "simpson": 3, "sum": 1}.get(rule)
     if least is None:
         raise ValueError(f"rule must be one of {', '.join(RULES)}, got {rule!r}")
     if samples < least:
         raise ValueError(
-            f"rule {rule!r} needs at least {least} samples, got {samples}; take more steps or another rule"
+            f"rule {rule!r} needs at least {least} samples, got {samples}; "
+            "take more steps or another rule"
         )
     if not (horizon > 0 and math.isfinite(horizon)):
         raise ValueError(f"horizon must be positive and finite [s], got {horizon}")
@@ -39,7 +47,10 @@ def quadrature_weights(samples: int, horizon: float, rule: str) -> Float[np.ndar
 
 
 def _simpson(intervals: int) -> Float[np.ndarray, " samples"]:
-    """Simpson's 1/3 rule at unit spacing; an odd number of intervals ends in his 3/8 rule, of the same order."""
+    """Simpson's 1/3 rule at unit spacing.
+
+    An odd number of intervals ends in his 3/8 rule, of the same order.
+    """
     weights = np.zeros(intervals + 1)
     even = intervals - 3 * (intervals % 2)
     for first in range(0, even, 2):
@@ -66,5 +77,6 @@ def whitening_matrix(R: Float[np.ndarray, "y y"] | None, outputs: int) -> Float[
         return np.linalg.inv(np.linalg.cholesky(R))
     except np.linalg.LinAlgError:
         raise ValueError(
-            f"R must be positive definite, got {R.tolist()}; leave out an output rather than give it no noise"
+            f"R must be positive definite, got {R.tolist()}; "
+            "leave out an output rather than give it no noise"
         ) from None

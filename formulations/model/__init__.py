@@ -1,1 +1,4 @@
-"""The ground floor: how vehicles move, what is known of them, when ranges come; each formula once, as a CasADi expression."""
+"""The ground floor: how vehicles move, what is known of them, when ranges come.
+
+Each formula once, as a CasADi expression.
+"""

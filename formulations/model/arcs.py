@@ -1,8 +1,10 @@
 r"""Exact arcs: how a unicycle moves at a constant turn rate u and speed V (thesis 3.1, 4.1).
 
-.. math:: p(t) = p(0) + V t \, \mathrm{sinc}(u t / 2) \, (\cos, \sin)(\psi + u t / 2), \quad \psi(t) = \psi + u t
+.. math:: p(t) = p(0) + V t \, \mathrm{sinc}(u t / 2) \, (\cos, \sin)(\psi + u t / 2), \quad
+          \psi(t) = \psi + u t
 
-Poses are (east, north [m], heading [rad], counter-clockwise from east), or the same in any frame and unit of length.
+Poses are (east, north [m], heading [rad], counter-clockwise from east), or the same in any frame
+and unit of length.
 """
 
 from functools import cache
@@ -29,21 +31,22 @@ def arc(pose: SX, turn_rate: SX, speed: SX, duration: SX) -> SX:
     """Pose after an exact arc; or poses, each a column, where all are rows."""
     half = 0.5 * turn_rate * duration
     chord = speed * duration * sinc(half)
-    return ca.vertcat(
-        pose[0, :] + chord * ca.cos(pose[2, :] + half),
-        pose[1, :] + chord * ca.sin(pose[2, :] + half),
-        pose[2, :] + 2 * half,
-    )
+    direction = pose[2, :] + half
+    east = pose[0, :] + chord * ca.cos(direction)
+    north = pose[1, :] + chord * ca.sin(direction)
+    return ca.vertcat(east, north, pose[2, :] + 2 * half)
 
 
 def compose(pose: SX, moves: SX) -> SX:
-    """Poses, each a column, of moves that begin at a pose; an arc's move is the arc from the origin."""
+    """Poses, each a column, of moves that begin at a pose.
+
+    An arc's move is the arc from the origin.
+    """
     cos, sin = ca.cos(pose[2]), ca.sin(pose[2])
-    return ca.vertcat(
-        pose[0] + cos * moves[0, :] - sin * moves[1, :],
-        pose[1] + sin * moves[0, :] + cos * moves[1, :],
-        pose[2] + moves[2, :],
-    )
+    ahead, left, turned = moves[0, :], moves[1, :], moves[2, :]
+    east = pose[0] + cos * ahead - sin * left
+    north = pose[1] + sin * ahead + cos * left
+    return ca.vertcat(east, north, pose[2] + turned)
 
 
 def _from(heading: SX, turn_rate: SX, speed: SX, duration: SX) -> SX:
@@ -109,9 +112,8 @@ def path(
     """Poses at the beginning and the ends of arcs one after the other."""
     heading = _headings(pose, turn_rates, durations)
     moves = _moves(heading[..., :-1], turn_rates, speeds, durations)
-    return np.stack(
-        [_summed(pose[..., [i]], move) for i, move in enumerate(moves)] + [heading], axis=-1
-    )
+    east, north = (_summed(pose[..., [i]], move) for i, move in enumerate(moves))
+    return np.stack([east, north, heading], axis=-1)
 
 
 def path_gradient(
@@ -121,7 +123,10 @@ def path_gradient(
     duration: float,
     by_position: Float[np.ndarray, "N 2"],
 ) -> Float[np.ndarray, " N"]:
-    """Gradient by the turn rates of what has the gradient ``by_position`` by the positions at the ends of `path`."""
+    """Gradient by the turn rates of what has the gradient ``by_position``.
+
+    That is by the positions at the ends of the arcs of `path`.
+    """
     heading = _headings(pose, turn_rates, duration)[:-1]
     east, north = _moves(heading, turn_rates, speed, duration)
     east_slope, north_slope = _slopes(heading, turn_rates, speed, duration)

@@ -1,7 +1,8 @@
 """The one door to CasADi: symbols, evaluation on the memory of arrays, and machine code.
 
-Arrays hold what CasADi stores by columns: a column is an axis (..., row), a matrix two axes (..., column, row), cases come before them.
-Machine code does the same arithmetic as CasADi's virtual machine, to the last bit, several times faster.
+Arrays hold what CasADi stores by columns: a column is an axis (..., row), a matrix two axes (...,
+column, row), cases come before them. Machine code does the same arithmetic as CasADi's virtual
+machine, to the last bit, several times faster.
 """
 
 import ctypes
@@ -21,12 +22,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-FLAGS = (
-    "-O2",
-    "-ffp-contract=off",
-    "-fPIC",
-    "-shared",
-)  # no fused multiply-add: the virtual machine has none
+# No fused multiply-add: the virtual machine has none.
+FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
 LEAST_CASES = 16  # that an elementwise Function is built for
 
 SX = Any  # CasADi's own signatures do not say what its operators take and give
@@ -49,15 +46,18 @@ def evaluate(
     arguments: Sequence[np.ndarray],
     results: Sequence[np.ndarray | None],
 ) -> None:
-    """Evaluate a Function on the memory of contiguous arrays of floats; results that are None are not wanted.
+    """Evaluate a Function on the memory of contiguous arrays of floats.
+
+    Results that are None are not wanted.
 
     The buffer belongs to this call alone, so that threads may share a Function.
     """
     buffer, run = function.buffer()
     given = [a.data for a in arguments]  # kept alive until the call is done
     wanted = [None if a is None else a.data for a in results]
+    # CasADi's own signatures are wrong
     for i, view in enumerate(given):
-        buffer.set_arg(i, view)  # pyright: ignore[reportCallIssue]  (CasADi's own signature is wrong)
+        buffer.set_arg(i, view)  # pyright: ignore[reportCallIssue]
     for i, view in enumerate(wanted):
         if view is not None:
             buffer.set_res(i, view)  # pyright: ignore[reportCallIssue]
@@ -88,14 +88,18 @@ class Call(threading.local):
 
 @lru_cache(maxsize=256)
 def mapped(function: ca.Function, count: int) -> ca.Function:
-    """The Function over ``count`` cases side by side; kept, because building it takes longer than calling it."""
+    """The Function over ``count`` cases side by side.
+
+    It is kept, because building it takes longer than calling it.
+    """
     return function if count == 1 else function.map(count)
 
 
 def of_each(function: ca.Function, *arguments: np.ndarray) -> list[np.ndarray]:
     """Evaluate a Function for all cases at once.
 
-    Leading axes of the arguments are cases, and are broadcast. Results have them before their own axes.
+    Leading axes of the arguments are cases, and are broadcast. Results have them before their own
+    axes.
     """
     cores = [_axes(*function.size_in(i)) for i in range(function.n_in())]
     leading = [
@@ -123,7 +127,8 @@ def _axes(rows: int, columns: int) -> tuple[int, ...]:
 class Elementwise:
     """An expression of numbers, evaluated on arrays that are broadcast against each other.
 
-    Each operation runs over all elements before the next: no slower than numpy. Functions are built for powers of two of elements.
+    Each operation runs over all elements before the next: no slower than numpy. Functions are built
+    for powers of two of elements.
     """
 
     def __init__(self, expression: Callable[..., Sequence[Any]]) -> None:
@@ -145,23 +150,27 @@ class Elementwise:
 
     @lru_cache(maxsize=64)  # noqa: B019 - instances are made once, with the module
     def _function(self, size: int) -> ca.Function:
-        # MX: an operation is one pass over all elements, two to four times as fast as scalar by scalar
-        rows = [ca.MX.sym(f"a{i}", 1, size) for i in range(self.inputs)]  # pyright: ignore[reportArgumentType, reportCallIssue]
+        # MX: an operation is one pass over all elements, two to four times as fast as scalar by
+        # scalar
+        rows = [matrix(f"a{i}", 1, size) for i in range(self.inputs)]
         values = ca.Function("rows", rows, [ca.densify(v) for v in self.expression(*rows)])
-        given = ca.MX.sym("given", size, self.inputs)  # pyright: ignore[reportArgumentType, reportCallIssue]
+        given = matrix("given", size, self.inputs)
         found = values.call([column.T for column in ca.horzsplit(given)], True, False)  # inlined
         return ca.Function("elementwise", [given], [ca.cse(ca.horzcat(*(v.T for v in found)))])
 
 
 class Cases:
-    """A Function run for many cases at once, as machine code where there is a compiler; its last argument is shared by all cases.
+    """A Function run for many cases at once, as machine code where there is a compiler.
 
-    Without one: ``scalars`` says that the virtual machine shall run it on scalars, which is faster while it is small.
+    Its last argument is shared by all cases.
+
+    Without one: ``scalars`` says that the virtual machine shall run it on scalars, which is faster
+    while it is small.
     """
 
     DRIVER = """
-int {name}_cases(casadi_int count, const casadi_int* steps, const casadi_real** arg, casadi_real** res,
-                 casadi_int* iw, casadi_real* w) {{
+int {name}_cases(casadi_int count, const casadi_int* steps, const casadi_real** arg,
+                 casadi_real** res, casadi_int* iw, casadi_real* w) {{
   const casadi_real* a[{sz_arg}];
   casadi_real* r[{sz_res}];
   for (casadi_int k = 0; k < count; ++k) {{
@@ -179,19 +188,22 @@ int {name}_cases(casadi_int count, const casadi_int* steps, const casadi_real** 
         found = [function.nnz_out(i) for i in range(function.n_out())]
         self._own, self._shared = own, function.nnz_in(len(own))
         self._steps = (ctypes.c_longlong * (len(own) + 1 + len(found)))(*own, 0, *found)
-        self._given, self._found = (
-            ctypes.c_void_p * function.n_in(),
-            ctypes.c_void_p * function.n_out(),
-        )
+        self._given = ctypes.c_void_p * function.n_in()
+        self._found = ctypes.c_void_p * function.n_out()
         self._results = [_axes(*function.size_out(i)) for i in range(function.n_out())]
         self._reals, self._integers = function.sz_w(), function.sz_iw()
         self._run = self._compiled(function)
 
     def _compiled(self, function: ca.Function) -> Any:
         """The driver; None where it cannot be compiled."""
-        sizes = {name: getattr(function, name)() for name in ("sz_arg", "sz_res", "n_in", "n_out")}
-        source = generate(function) + self.DRIVER.format(name=function.name(), **sizes)
-        library = compiled_library(source, asked_for=False)
+        driver = self.DRIVER.format(
+            name=function.name(),
+            sz_arg=function.sz_arg(),
+            sz_res=function.sz_res(),
+            n_in=function.n_in(),
+            n_out=function.n_out(),
+        )
+        library = compiled_library(generate(function) + driver, asked_for=False)
         if library is None:
             return None
         driver = ctypes.CDLL(str(library))[f"{function.name()}_cases"]
@@ -199,7 +211,7 @@ int {name}_cases(casadi_int count, const casadi_int* steps, const casadi_real** 
         return driver
 
     def __call__(self, *arguments: np.ndarray) -> list[np.ndarray]:
-        """Results, cases first, of contiguous arrays of floats, cases first, and of the one that is shared."""
+        """Results of contiguous arrays of floats, cases first, and of the one that is shared."""
         *own, shared = arguments
         count = len(own[0])
         results = [np.empty((count, *axes)) for axes in self._results]
@@ -238,8 +250,9 @@ def machine_code(function: ca.Function) -> ca.Function:
 def compiled_library(source: str, *, asked_for: bool) -> Path | None:
     """Path of the shared library of a C source; None, with a message, where it cannot be made.
 
-    That there is no compiler is said only to who has ``asked_for`` one. Libraries are kept by the content of their source in the user's
-    cache folder (``OBSPLAN_CACHE`` names another), each built under a temporary name and renamed: processes may compile at once.
+    That there is no compiler is said only to who has ``asked_for`` one. Libraries are kept by the
+    content of their source in the user's cache folder (``OBSPLAN_CACHE`` names another), each built
+    under a temporary name and renamed: processes may compile at once.
     """
     compiler = find_compiler()
     if compiler is None:
@@ -259,7 +272,10 @@ def compiled_library(source: str, *, asked_for: bool) -> Path | None:
 
 @cache
 def find_compiler() -> str | None:
-    """Path of the C compiler: ``CC`` in the environment, else cc, gcc or clang; None where there is none."""
+    """Path of the C compiler: ``CC`` in the environment, else cc, gcc or clang.
+
+    None where there is none.
+    """
     names = filter(None, (os.environ.get("CC"), "cc", "gcc", "clang"))
     return next((path for name in names if (path := shutil.which(name))), None)
 
@@ -268,7 +284,8 @@ def find_compiler() -> str | None:
 def say_there_is_no_compiler() -> None:
     """Say it once."""
     log.warning(
-        "no C compiler found: using CasADi's virtual machine, with the same results, about three times slower"
+        "no C compiler found: "
+        "using CasADi's virtual machine, with the same results, about three times slower"
     )
 
 
@@ -281,13 +298,9 @@ def generate(function: ca.Function) -> str:
 
 def cached_library(source: str, compiler: str) -> Path:
     """Path of the shared library for a source, compiled unless it is there already."""
-    folder = Path(
-        os.environ.get("OBSPLAN_CACHE")
-        or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "obsplan"
-    )
-    key = hashlib.sha256(
-        "\0".join((source, compiler_version(compiler), *FLAGS)).encode()
-    ).hexdigest()
+    folder = cache_folder()
+    content = "\0".join((source, compiler_version(compiler), *FLAGS))
+    key = hashlib.sha256(content.encode()).hexdigest()
     library = folder / f"{key}.so"
     if library.exists():
         return library
@@ -299,6 +312,15 @@ def cached_library(source: str, compiler: str) -> Path:
         subprocess.run(command, check=True, capture_output=True, text=True)
         path.with_suffix(".so").replace(library)
     return library
+
+
+def cache_folder() -> Path:
+    """Where libraries are kept."""
+    named = os.environ.get("OBSPLAN_CACHE")
+    if named:
+        return Path(named)
+    caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(caches) / "obsplan"
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The world as the aid vehicle sees it: ahead and abeam of it, in a unit of length, mirrored or not."""
+"""The world as the aid vehicle sees it: ahead and abeam, in a unit of length, or mirrored."""
 
 from typing import Any, NamedTuple
 
@@ -7,7 +7,10 @@ from jaxtyping import Float
 
 
 def to_body(cosine: Any, sine: Any, east: Any, north: Any) -> tuple[Any, Any]:
-    """Components ahead and to the left of a heading with that cosine and sine; of numbers, arrays or expressions."""
+    """Components ahead and to the left of a heading with that cosine and sine.
+
+    Of numbers, arrays or expressions.
+    """
     return cosine * east + sine * north, cosine * north - sine * east
 
 
@@ -18,7 +21,10 @@ def turn_matrix(heading: float) -> Float[np.ndarray, "2 2"]:
 
 
 class Frame(NamedTuple):
-    """A frame whose first axis is a heading and whose second axis is to the left of it, or to the right where it is mirrored."""
+    """A frame whose first axis is a heading and whose second axis is to the left of it.
+
+    Where it is mirrored, the second axis is to the right.
+    """
 
     origin: Float[np.ndarray, "2"]  # [m]
     heading: float  # [rad]
@@ -43,7 +49,10 @@ class Frame(NamedTuple):
         return self.origin + self.length * points @ self.axes
 
     def covariances(self, P: Float[np.ndarray, "M 4 4"], time: float = 1.0) -> np.ndarray:
-        """Covariances of (east, north, heading, speed) in this frame; ``time`` is its unit of time [s]."""
+        """Covariances of (east, north, heading, speed) in this frame.
+
+        ``time`` is its unit of time [s].
+        """
         T = np.diag([1.0, 1.0, self.mirror, time / self.length])
         T[:2, :2] = self.axes / self.length
         return T @ P @ T.T

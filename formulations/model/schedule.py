@@ -1,4 +1,7 @@
-"""When ranges come, and what a horizon is cut into; times that are multiples of an interval but for rounding are multiples."""
+"""When ranges come, and what a horizon is cut into.
+
+Times that are multiples of an interval but for rounding are multiples.
+"""
 
 from typing import Any, NamedTuple
 
@@ -37,9 +40,12 @@ def is_multiple(time: float, interval: float) -> bool:
 
 
 def ping_stages(time: float, interval: float, horizon: float, count: int) -> Stages:
-    """Cut a horizon [s] into stages that end at pings, which come every ``interval`` [s] counted from time 0.
+    """Cut a horizon [s] into stages that end at pings.
 
-    Pings farther apart than horizon / count make a stage each, the first one shorter; closer ones are counted together.
+    Pings come every ``interval`` [s], counted from time 0.
+
+    Pings farther apart than horizon / count make a stage each, the first one shorter; closer ones
+    are counted together.
     """
     length = horizon / count
     if interval <= length:

@@ -27,7 +27,10 @@ def lateral_offset(x1: Scalar, x2: Scalar, heading: Scalar) -> Scalar:
 
 
 def longitudinal_offset(x1: Scalar, x2: Scalar, heading: Scalar) -> Scalar:
-    r"""Return s = cos ψ·x1 + sin ψ·x2 [m], how far the AUV lies behind; b² + s² is the squared distance."""
+    r"""Return s = cos ψ·x1 + sin ψ·x2 [m], how far the AUV lies behind.
+
+    The squared distance is b² + s².
+    """
     along, _ = offsets(x1, x2, heading)
     return along
 
@@ -40,26 +43,34 @@ def offsets(x1: Scalar, x2: Scalar, heading: Scalar) -> tuple[Scalar, Scalar]:
 
 
 def circle_center(x1: Scalar, x2: Scalar, heading: Scalar, radius: Scalar) -> tuple[Scalar, Scalar]:
-    r"""Return the centre ĉ = x + r(−sin ψ, cos ψ) of the circle ahead, relative to the AUV [m]; ‖ĉ‖² = s² + (r − b)²."""
+    r"""Return the centre ĉ = x + r(−sin ψ, cos ψ) of the circle ahead, relative to the AUV [m].
+
+    ‖ĉ‖² = s² + (r − b)².
+    """
     cos, sin = _cos_sin(heading)
     return x1 - radius * sin, x2 + radius * cos
 
 
 def radius_threshold(gamma: Scalar) -> Scalar:
-    r"""Return τ = γ / (2(1 + γ)) [m], what the penalty takes off the radius: below half a metre however large γ is."""
+    r"""Return τ = γ / (2(1 + γ)) [m], what the penalty takes off the radius.
+
+    It is below half a metre however large γ is.
+    """
     return gamma / (2 * (1 + gamma))
 
 
 def path_inertia_radius(
     mean_offset: Scalar, gamma: Scalar, min_radius: Scalar
 ) -> tuple[Scalar, Scalar]:
-    r"""Return the radius of least inertia difference, and whether the turning limit had to be applied.
+    r"""Return the radius of least inertia difference, and whether the turning limit is applied.
 
-    .. math:: r^* = \mathrm{sign}(\bar b)\,\max(|\bar b| - \tau,\ r_{\min}), \quad \tau = \frac{\gamma}{2(1 + \gamma)}
+    .. math:: r^* = \mathrm{sign}(\bar b)\,\max(|\bar b| - \tau,\ r_{\min}), \quad
+              \tau = \frac{\gamma}{2(1 + \gamma)}
 
-    The exact minimiser over |r| ≥ r_min of thesis (3.26), Σ w [(1 + γ)(r² − 2rb) + γ|r|], with b̄ = Σ w b, Σ w = 1. Where (3.22)
-    rounds "to the nearest of ± minimum radius" this takes the sign of the mean offset, and left (+) where that is zero: the penalty can
-    shrink the free optimum to 0, whose sign says nothing. γ ≥ 0 weighs the squared centre distance [m²] and, per metre, |r|.
+    The exact minimiser over |r| ≥ r_min of thesis (3.26), Σ w [(1 + γ)(r² − 2rb) + γ|r|], with b̄ =
+    Σ w b, Σ w = 1. Where (3.22) rounds "to the nearest of ± minimum radius" this takes the sign of
+    the mean offset, and left (+) where that is zero: the penalty can shrink the free optimum to 0,
+    whose sign says nothing. γ ≥ 0 weighs the squared centre distance [m²] and, per metre, |r|.
     """
     free = abs(mean_offset) - radius_threshold(gamma)
     clipped = free < min_radius
@@ -70,12 +81,13 @@ def path_inertia_radius(
 def path_inertia_curvature(
     mean_offset: Scalar, mean_square_distance: Scalar, min_radius: Scalar
 ) -> tuple[Scalar, Scalar]:
-    r"""Return the curvature of least mean condition number [1/m], and whether the turning limit had to be applied.
+    r"""Return the curvature of least mean κ(J) [1/m], and whether the turning limit is applied.
 
     .. math:: k^* = \frac{\sum w b}{\sum w d^2}, \quad |k| \le 1 / r_{\min}
 
-    The exact minimiser of Σ w κ(J) = 1 + 2 Σ w (d²k² − 2bk + 1), a convex quadratic, over a convex set: straight ahead (k = 0) is
-    included and no rounding rule is needed. On top of every AUV (d = 0) each turn is as good as any other: straight on.
+    The exact minimiser of Σ w κ(J) = 1 + 2 Σ w (d²k² − 2bk + 1), a convex quadratic, over a convex
+    set: straight ahead (k = 0) is included and no rounding rule is needed. On top of every AUV (d =
+    0) each turn is as good as any other: straight on.
     """
     # 0 / 1 on top of every AUV: the offset vanishes with the distance
     free = mean_offset / (mean_square_distance + (mean_square_distance == 0))
@@ -85,14 +97,20 @@ def path_inertia_curvature(
 
 
 def inertia_condition_number(radius: Scalar, offset: Scalar, along: Scalar) -> Scalar:
-    r"""Return κ(J) = 1 + 2‖ĉ‖²/r² of the circle's inertia about the AUV at lateral offset b and longitudinal offset s [m] (thesis 3.19)."""
+    r"""Return κ(J) = 1 + 2‖ĉ‖²/r² of the circle's inertia about the AUV (thesis 3.19).
+
+    The AUV is at lateral offset b and longitudinal offset s [m].
+    """
     return 1 + 2 * (along**2 + (radius - offset) ** 2) / radius**2
 
 
 def curvature_condition_number(
     curvature: Scalar, offset: Scalar, square_distance: Scalar
 ) -> Scalar:
-    r"""Return κ(J) = 1 + 2(d²k² − 2bk + 1), the same as a function of the curvature: 3 straight ahead, where a radius is infinite."""
+    r"""Return κ(J) = 1 + 2(d²k² − 2bk + 1), the same as a function of the curvature.
+
+    It is 3 straight ahead, where a radius is infinite.
+    """
     return 1 + 2 * (square_distance * curvature**2 - 2 * offset * curvature + 1)
 
 

@@ -39,25 +39,29 @@ class Criterion(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathInertiaProblem:
-    r"""Choose the circle that makes AUVs observable, within limits on the circle and on its change from the last decision.
+    r"""Choose the circle that makes AUVs observable, within limits on it and on its change.
 
-    With b, s, d the offsets and distance of each AUV (``lateral_offset``, ``longitudinal_offset``), w its share of the weights and
-    ĉ the circle's centre relative to it, ``difference`` minimises thesis (3.26) over the signed radius r [m],
+    With b, s, d the offsets and distance of each AUV (``lateral_offset``, ``longitudinal_offset``),
+    w its share of the weights and ĉ the circle's centre relative to it, ``difference`` minimises
+    thesis (3.26) over the signed radius r [m],
 
     .. math:: \sum w\,[r^2 - 2 r b + \gamma(\|\hat c\|^2 + |r|)] + \rho\,(r - r_{\mathrm{last}})^2
 
-    and ``condition-number`` minimises the mean condition number of the inertia over the curvature k = 1/r [1/m],
+    and ``condition-number`` minimises the mean condition number of the inertia over the curvature k
+    = 1/r [1/m],
 
     .. math:: \sum w\,[1 + 2(d^2 k^2 - 2 b k + 1)] + \rho\,(k - k_{\mathrm{last}})^2
 
-    both subject to r_min ≤ |r| ≤ max_radius and ‖ĉ‖² = s² + (r − b)² ≤ max_center_distance² for each AUV. Bounds on the centre distance are
-    an interval of radii. What is left is two intervals, right turns and left turns; the convex problem is solved over the interval that
-    spans them, and a turn in the gap between them goes to the better of its two ends: last, exactly, and by the sign of the mean offset b̄
-    (with ρ: of the centre it shares with the last turn), left where that is zero. The turning limit itself is such a gap for radii and a
-    true constraint for curvatures.
+    both subject to r_min ≤ |r| ≤ max_radius and ‖ĉ‖² = s² + (r − b)² ≤ max_center_distance² for
+    each AUV. Bounds on the centre distance are an interval of radii. What is left is two intervals,
+    right turns and left turns; the convex problem is solved over the interval that spans them, and
+    a turn in the gap between them goes to the better of its two ends: last, exactly, and by the
+    sign of the mean offset b̄ (with ρ: of the centre it shares with the last turn), left where that
+    is zero. The turning limit itself is such a gap for radii and a true constraint for curvatures.
 
-    γ ≥ 0 weighs distance against observability in ``difference`` and has no part in the other, whose optimum already weighs them.
-    ρ ≥ 0 is ``change_weight``: a number for radii, in m² for curvatures.
+    γ ≥ 0 weighs distance against observability in ``difference`` and has no part in the other,
+    whose optimum already weighs them. ρ ≥ 0 is ``change_weight``: a number for radii, in m² for
+    curvatures.
 
     The turn is certified to ``tolerance``, relative to the largest of limit, offset and threshold,
     or the status is ``INACCURATE``.
@@ -108,7 +112,7 @@ class PathInertiaProblem:
         *,
         last_radius: float | None = None,
     ) -> Solution:
-        """Decide for the positions of the aid vehicle relative to each AUV [m] and its heading [rad].
+        """Decide for the aid vehicle's positions relative to each AUV [m] and heading [rad].
 
         Weights (≥ 0, all equal if not given) are normalised. ``last_radius`` is the signed radius
         turned before, infinite if straight; with none (for radii: or an infinite one) there is no
@@ -242,7 +246,10 @@ def _equal_shares(n: int) -> Float[np.ndarray, " weights"] | None:
 def _normalise(
     weights: Float[np.ndarray, " weights"], n: int
 ) -> Float[np.ndarray, " weights"] | None:
-    """Return weights that sum to one (all nan if one of them is not finite), or nothing if no AUV counts."""
+    """Return weights that sum to one, or nothing if no AUV counts.
+
+    They are all nan if one of them is not finite.
+    """
     if len(weights) != n:
         raise ValueError(f"there are {len(weights)} weights for {n} AUVs: give one for each")
     if (weights < 0).any():

@@ -1,4 +1,7 @@
-"""The convex program behind path inertia, in one number: a soft threshold in a box, with its multipliers and its certificate."""
+"""The convex program behind path inertia, in one number: a soft threshold in a box.
+
+With its multipliers and its certificate.
+"""
 
 import math
 from typing import NamedTuple
@@ -17,7 +20,10 @@ class Point(NamedTuple):
 
 
 class Certificate(NamedTuple):
-    """How far a point is from optimal, from the program itself: violated limits, Lagrangian gradient and duality gap."""
+    """Residuals of a point, from the program itself.
+
+    Violated limits, Lagrangian gradient and duality gap.
+    """
 
     primal: float
     dual: float
@@ -25,12 +31,16 @@ class Certificate(NamedTuple):
 
 
 class TurnProgram(NamedTuple):
-    r"""Minimise ½(x − c)² + τ|x| subject to lower ≤ x ≤ upper, x a signed radius [m] or a curvature [1/m].
+    r"""Minimise ½(x − c)² + τ|x| subject to lower ≤ x ≤ upper.
 
-    Both objectives of path inertia are this one after division by half their second derivative. With multipliers v, μ, η of |x| and of the
-    two limits, the Lagrangian's gradient is x − z, z = c − v + μ − η, and the duality gap a sum of terms that are each ≥ 0:
+    x is a signed radius [m] or a curvature [1/m].
 
-    .. math:: \tfrac12 (x - z)^2 + (\tau|x| - v x) + \mu (x - \mathrm{lower}) + \eta (\mathrm{upper} - x)
+    Both objectives of path inertia are this one after division by half their second derivative.
+    With multipliers v, μ, η of |x| and of the two limits, the Lagrangian's gradient is x − z, z = c
+    − v + μ − η, and the duality gap a sum of terms that are each ≥ 0:
+
+    .. math:: \tfrac12 (x - z)^2 + (\tau|x| - v x) + \mu (x - \mathrm{lower})
+              + \eta (\mathrm{upper} - x)
 
     The objective being strongly convex, no feasible x is farther than √(2 gap) from the optimum.
     """
@@ -64,7 +74,10 @@ class TurnProgram(NamedTuple):
         return self.with_multipliers(min(max(shrunk, self.lower), self.upper))
 
     def with_multipliers(self, x: float) -> Point:
-        """Recover the multipliers at x: the subgradient of |x|, and what remains where a limit is touched."""
+        """Recover the multipliers at x.
+
+        The subgradient of |x|, and what remains where a limit is touched.
+        """
         pull = self.center - x
         if x:
             sign = math.copysign(self.threshold, x)
@@ -76,7 +89,10 @@ class TurnProgram(NamedTuple):
         return Point(x, sign, lower, upper)
 
     def certify(self, point: Point) -> Certificate:
-        """Return the residuals of a point; its multipliers are first made feasible, so that the gap bounds the error."""
+        """Return the residuals of a point.
+
+        Its multipliers are first made feasible, so that the gap bounds the error.
+        """
         x = min(max(point.x, self.lower), self.upper)
         sign = min(max(point.sign, -self.threshold), self.threshold)
         lower, upper = max(point.lower, 0.0), max(point.upper, 0.0)
@@ -92,10 +108,13 @@ class TurnProgram(NamedTuple):
         return slope > 0 if limit == self.lower else slope < 0
 
     def choose_side(self, x: float, sides: list[Side]) -> Side:
-        """Return the side x is on; from the gap between two, the side whose end is the better turn, left (+) if equally good.
+        """Return the side x is on.
 
-        The objective falls towards the convex optimum x from both ends, so the better end is the exact optimum outside the gap. The
-        comparison is the difference of the two objectives, factored: with a gap symmetric about zero it is the sign of c, to the last bit.
+        From the gap between two, the side whose end is the better turn, left (+) if equally good.
+
+        The objective falls towards the convex optimum x from both ends, so the better end is the
+        exact optimum outside the gap. The comparison is the difference of the two objectives,
+        factored: with a gap symmetric about zero it is the sign of c, to the last bit.
         """
         right, left = sides[0], sides[-1]
         if x <= right[1]:
@@ -107,11 +126,14 @@ class TurnProgram(NamedTuple):
 
 
 class Deviation(NamedTuple):
-    r"""A turn program seen from its centre: minimise ½y² + τ max(y, −y − fold) subject to lower ≤ y ≤ upper.
+    r"""A turn program seen from its centre.
 
-    x = c ± unit·y, mirrored where c < 0, so that |x| = |c| + unit·max(y, −y − fold). The unit being the reach of a bounded program, every
-    number is of the order of one however far the AUVs are. (A threshold of a quarter metre among distances of kilometres takes OSQP
-    thousands of iterations to notice.)
+    Minimise ½y² + τ max(y, −y − fold) subject to lower ≤ y ≤ upper.
+
+    x = c ± unit·y, mirrored where c < 0, so that |x| = |c| + unit·max(y, −y − fold). The unit being
+    the reach of a bounded program, every number is of the order of one however far the AUVs are. (A
+    threshold of a quarter metre among distances of kilometres takes OSQP thousands of iterations to
+    notice.)
     """
 
     threshold: float
@@ -141,7 +163,10 @@ class Deviation(NamedTuple):
 
 
 def radius_sides(lower: float, upper: float, min_radius: float) -> list[Side]:
-    """Return the signed radii within limits that the vehicle can turn [m]: right, left, either or none."""
+    """Return the signed radii within limits that the vehicle can turn [m].
+
+    Right, left, either or none.
+    """
     right = lower, min(upper, -min_radius)
     left = max(lower, min_radius), upper
     return [side for side in (right, left) if side[0] <= side[1]]

@@ -1,11 +1,13 @@
-"""Solvers of the turn program, compiled once and fed: OSQP and Clarabel directly, and either of them through cvxpy.
+"""Solvers of the turn program, compiled once and fed: OSQP, Clarabel, and either through cvxpy.
 
-All take the program seen from its centre (``Deviation``) as a quadratic program in (u, y, t), the absolute value by its epigraph:
+All take the program seen from its centre (``Deviation``) as a quadratic program in (u, y, t), the
+absolute value by its epigraph:
 
     minimise ½y² + τt  subject to  u − t ≤ 0,  −u − t ≤ fold,  lower ≤ u ≤ upper,  u − y = 0
 
-τ, the fold and the limits change from decision to decision, the matrices never do. Where τ is 0 by construction, t and its rows are left
-out. The copy y of u is there for OSQP's polishing: without an active row it prints a line and returns unpolished.
+τ, the fold and the limits change from decision to decision, the matrices never do. Where τ is 0 by
+construction, t and its rows are left out. The copy y of u is there for OSQP's polishing: without an
+active row it prints a line and returns unpolished.
 """
 
 import warnings
@@ -24,12 +26,15 @@ OSQP_SETTINGS: dict[str, Any] = {
     "eps_abs": 1e-7,
     "eps_rel": 1e-7,
     "warm_starting": False,  # the answer must not depend on the decision before
-    "adaptive_rho": False,  # for the same reason; adapting also left two programs in 3000 wrong by half, fixed none by more than 1e-10
+    # for the same reason; adapting also left two programs in 3000 wrong by half, fixed none by more
+    # than 1e-10
+    "adaptive_rho": False,
     "rho": 0.3,  # the quickest of 0.1 to 2
     "scaling": 0,  # the program is handed over scaled
 }
+# Of the duality gap; its square root, 3e-7, is what is left where a limit is touched but does not
+# press.
 CLARABEL_TOLERANCE = 1e-13
-"""Of the duality gap: the square root of it, 3e-7, is what is left where a limit is touched but does not press."""
 FAILED = Point(np.nan, np.nan, np.nan, np.nan)
 
 Compiled = Callable[[TurnProgram], Point]
@@ -99,7 +104,7 @@ class PersistentClarabel:
 
 
 class CompiledCvxpy:
-    """The program as cvxpy reads it, canonicalised once (disciplined parametrised), solved by OSQP or Clarabel.
+    """The program as cvxpy reads it, canonicalised once (disciplined parametrised).
 
     Every decision enters by parameters that stand alone: a product of two would not be DPP.
     """
@@ -120,9 +125,11 @@ class CompiledCvxpy:
         )
         if not self.problem.is_dcp(dpp=True):
             raise RuntimeError(
-                "the path-inertia program is not DPP in this version of cvxpy: it would be rebuilt at every decision"
+                "the path-inertia program is not DPP in this version of cvxpy: "
+                "it would be rebuilt at every decision"
             )
-        # cvxpy puts its own defaults over OSQP's, and keeps a warm solver that is not polished again
+        # cvxpy puts its own defaults over OSQP's, and keeps a warm solver that is not polished
+        # again
         exact = {f"tol_{name}": CLARABEL_TOLERANCE for name in ("gap_abs", "gap_rel", "feas")}
         self._options = {"solver": solver, "warm_start": False} | (
             OSQP_SETTINGS if solver == "OSQP" else exact
@@ -162,7 +169,10 @@ SOLVERS: dict[str, Callable[[bool], Compiled]] = {
 def _matrices(
     absolute: bool,
 ) -> tuple[Float[np.ndarray, "n n"], Float[np.ndarray, " n"], Float[np.ndarray, "rows n"]]:
-    """Return P, q and the rows of the quadratic program; the last row but one is the box, the last the equality."""
+    """Return P, q and the rows of the quadratic program.
+
+    The last row but one is the box, the last the equality.
+    """
     P = np.diag([0.0, 1.0, 0.0])
     A = np.array([[1.0, 0.0, -1.0], [-1.0, 0.0, -1.0], [1.0, 0.0, 0.0], [1.0, -1.0, 0.0]])
     if not absolute:

@@ -1,4 +1,4 @@
-"""Fixed limits as a smooth program can take them: discs, and convex polygons by the lines through their edges.
+"""Fixed limits as a smooth program can take them: discs, and convex polygons by their edges.
 
 A keep-out polygon is replaced by its convex hull; a geofence by its hull less the hull of each
 pocket between hull and fence. Both err on the safe side. What is inside the one or outside the
@@ -38,7 +38,7 @@ def convex_areas(
     polygons: Sequence[Float[np.ndarray, "_ 2"]],
     geofence: Float[np.ndarray, "_ 2"] | None,
 ) -> Areas:
-    """Take discs, corners of keep-out polygons and corners of a geofence, convex or not, to convex areas."""
+    """Convex areas of discs, and of the corners of keep-out polygons and of a geofence."""
     keep_outs = list(polygons)
     fence = np.empty((0, 3))
     if geofence is not None:

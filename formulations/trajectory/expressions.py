@@ -1,8 +1,10 @@
-r"""One stage of the program as CasADi expressions: exact arcs, the objective's states, and the limits.
+r"""One stage of the program as CasADi expressions: arcs, the objective's states, the limits.
 
-States are the pose, the turn rate held before where its change is limited, and what the objective accumulates:
+States are the pose, the turn rate held before where its change is limited, and what the objective
+accumulates:
 
-- AUVs at rest: the moments ∫(p, p pᵀ) of the aid vehicle's own position, which every AUV's Gramian is a polynomial of;
+- AUVs at rest: the moments ∫(p, p pᵀ) of the aid vehicle's own position, which every AUV's Gramian
+  is a polynomial of;
 - AUVs that move: ∫ p pᵀ of the position relative to each;
 - ``covariance``: the packed lower triangle of each AUV's 4 x 4 covariance.
 
@@ -282,7 +284,8 @@ def _separations(p: SX, there: SX, s: dict[str, SX], g: dict[str, SX], shape: Sh
 def _clearances(p: SX, g: dict[str, SX], shape: Shape, radius: SX) -> list[SX]:
     """How far a disc about a point is from each area, along the boundary exactly or less.
 
-    The greatest of the distances to a keep-out's lines is softened to a log-sum-exp less its largest error.
+    The greatest of the distances to a keep-out's lines is softened to a log-sum-exp less its
+    largest error.
     """
     found = []
     for k in range(shape.discs):

@@ -1,4 +1,4 @@
-"""Candidate manoeuvres: constant turns, pairs, the last trajectory's rest, a beam search's turns."""
+"""Candidate manoeuvres: constant turns, pairs of turns, the last trajectory, a beam search."""
 
 from functools import lru_cache
 
@@ -40,7 +40,10 @@ def manoeuvres(
 
 @lru_cache(maxsize=8)
 def _turns(stages: int) -> Float[np.ndarray, "K N"]:
-    """Sequences of shares of the greatest turn rate: straight on, then by pairs of mirror images, left first."""
+    """Sequences of shares of the greatest turn rate.
+
+    Straight on, then by pairs of mirror images, left first.
+    """
     constant = np.linspace(1.0, -1.0, CONSTANT)[:, None] * np.ones(stages)
     some = np.linspace(1.0, -1.0, PAIRED)
     first = np.arange(stages) < stages // 2

@@ -239,7 +239,10 @@ def _judged(
     speeds: Float[np.ndarray, "K N"],
     points: int = 2,
 ) -> Candidates:
-    """Sequences followed, scored, and held against the limits at an even number of points a stage."""
+    """Sequences followed, scored, and held against the limits.
+
+    ``points``: of each stage, an even number.
+    """
     path = rollout(search.body, turn_rates, speeds, points)
     each = points // 2
     halves = Path(path.poses[:, ::each], path.times[::each])

@@ -1,4 +1,4 @@
-"""What a trajectory is planned for: the vehicle, its horizon, the AUVs and the limits, as plain numbers."""
+"""What a trajectory is planned for: vehicle, horizon, AUVs and limits, as plain numbers."""
 
 from typing import NamedTuple
 
