@@ -21,6 +21,9 @@ from obsplan.report.style import BROKEN, COLOURS, MOST_POINTS, outline, planner_
 from obsplan.simulation import simulate
 
 
+pytestmark = pytest.mark.xdist_group("report-figures")  # they share runs
+
+
 @pytest.fixture(scope="module")
 def formation():
     return simulate("fixed-formation", seed=2)

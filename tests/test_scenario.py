@@ -327,6 +327,7 @@ def test_planners_are_told_how_long_a_turn_is_held_and_not_the_time_step(name):
     def turns(time_step, interval):
         planner = scenario(
             time_step=time_step,
+            ranging__interval=6.0,
             planner={"kind": name, "interval": interval},
             constraints={"keep_out": wreck},
         ).planner()
