@@ -33,10 +33,11 @@ class Pose:
 class Belief:
     """What the planner knows of one AUV; never the truth, unless the scenario says ``knowledge = "truth"``.
 
-    ``mean`` is (east [m], north [m], heading [rad], speed through the water [m/s]); ``covariance`` (4 x 4) the AUV's own, as last reported
-    and predicted since, wherever the mean comes from; ``process_noise`` the standard deviations per square root of a second of position
-    [m], heading [rad] and speed [m/s]; ``current`` the current [m/s] it is carried by; ``route`` its planned positions as a function of time
-    from now [s], where they are known.
+    ``mean`` is (east [m], north [m], heading [rad], speed through the water [m/s]); ``covariance``
+    (4 x 4) the AUV's own, as last reported and predicted since, wherever the mean comes from;
+    ``process_noise`` the standard deviations per square root of a second of position [m], heading
+    [rad] and speed [m/s]; ``current`` the water's velocity [m/s], by which it is carried; ``route``
+    its planned positions as a function of time from now [s], where they are known.
 
     ``checked=False`` keeps the arrays themselves, whatever they hold. The simulator asks for it: a filter that has failed is for the
     planner to answer, with a status.

@@ -25,6 +25,7 @@ from campaigns import (
 
 from obsplan import load_campaign
 
+pytestmark = pytest.mark.xdist_group("campaign-faults")  # they share a campaign
 RUNS = 70  # of each of four cells: enough to be compiled on one or two workers
 MISSIONS = RUNS * len(PLANNERS) * 2
 

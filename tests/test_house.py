@@ -36,6 +36,36 @@ def test_tool_finds_nothing(check):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+WHERE = "import obsplan; print(obsplan.__file__)"
+SCRIPT = """
+import runpy, sys
+sys.argv = [{script!r}, "--version"]
+try:
+    runpy.run_path({script!r}, run_name="__main__")
+finally:
+    import obsplan
+    print(obsplan.__file__)
+"""
+
+
+def test_tests_in_this_process_and_in_others_run_the_same_copy(tmp_path):
+    import obsplan
+
+    script = Path(sys.executable).with_name("obsplan")
+    others = {"a process of its own": WHERE}
+    if script.exists():
+        others["the command obsplan"] = SCRIPT.format(script=str(script))
+    for who, code in others.items():
+        done = subprocess.run(
+            [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+        )
+        copy = done.stdout.splitlines()[-1]
+        assert copy == obsplan.__file__, (
+            f"{who} runs {copy} and the tests {obsplan.__file__}: half of the tests judge another "
+            "copy; in the folder of the checkout, type: python -m pip install -e '.[test]'"
+        )
+
+
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_functions_are_short_and_statements_are_not_dense(path):
     tree = ast.parse(path.read_text(encoding="utf-8"))

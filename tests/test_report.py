@@ -21,6 +21,7 @@ from obsplan.scenario import load
 from obsplan.simulation import simulate
 from obsplan.types import ObsplanError
 
+pytestmark = pytest.mark.xdist_group("report")  # they share a run's folder
 LAT, LON = 47.629, -122.337  # of harbor-survey's origin
 FILES = [
     "errors.png",

@@ -20,6 +20,8 @@ from obsplan.report.map import apart, ellipses, extent
 from obsplan.report.style import BROKEN, COLOURS, MOST_POINTS, outline, planner_style, png
 from obsplan.simulation import simulate
 
+pytestmark = pytest.mark.xdist_group("report-figures")  # they share runs
+
 
 @pytest.fixture(scope="module")
 def formation():

@@ -21,6 +21,7 @@ from obsplan.report.marks import ROUND, mark_interval
 from obsplan.report.style import AID, BROKEN, COLOURS, png
 from obsplan.simulation import simulate
 
+pytestmark = pytest.mark.xdist_group("report-map")  # they share runs
 L_SHAPE = [[-60.0, 0.0], [-20.0, 0.0], [-20.0, 60.0], [-50.0, 60.0], [-50.0, 30.0], [-60.0, 30.0]]
 BAY = [[-70.0, -25.0], [60.0, -20.0], [55.0, 70.0], [-60.0, 75.0]]
 LIMITS = {

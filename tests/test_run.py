@@ -79,6 +79,28 @@ def test_information_bound_lies_below_what_the_path_achieves(run):
         )
 
 
+def test_bound_of_squared_ranges_is_of_the_farthest_place_the_vehicle_can_reach():
+    """In closed form for one range about an AUV sure of its course: half of its information each way, and nobody has more."""
+    known = {"sigma_position": 2.0, "sigma_heading_deg": 0.0, "sigma_speed": 0.0}
+    sure = {"position": 0.0, "heading_deg": 0.0, "speed": 0.0}
+    mission = scenario(
+        ranging__kind="squared-range",
+        ranging__sigma=300.0,
+        ranging__interval=12.0,
+        **{f"auv__{i}__first_estimate": known for i in range(2)},
+        **{f"auv__{i}__process_noise": sure for i in range(2)},
+    )
+    run = op.simulate(mission)
+    samples, ping = run.time.size, 24  # one range, after 12 s of 20 s
+    assert np.flatnonzero(np.isfinite(run.range[0])).tolist() == [ping]
+    for i in range(2):
+        farthest = math.dist(run.truth[i, ping, :2], run.cna[0, :2]) + 2.0 * 12.0
+        sigma = 300.0 / (2 * farthest)  # of the range that the squared one is worth there
+        after = 2 / (1 / 4.0 + 1 / (2 * sigma**2))
+        mean = (ping * 2 * 4.0 + (samples - ping) * after) / samples
+        assert run.information_bounds[i].bound == pytest.approx(mean, rel=1e-9)
+
+
 def test_summary_is_json_and_its_figures_are_those_of_each_auv_and_of_all(run):
     summary = json.loads(json.dumps(run.summary(), allow_nan=False))
     assert {k: summary[k] for k in ("scenario", "planner", "seed", "version")} == {

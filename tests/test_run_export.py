@@ -23,6 +23,7 @@ from obsplan.scenario import load
 from obsplan.simulation import simulate
 from obsplan.types import Decision, ObsplanError
 
+pytestmark = pytest.mark.xdist_group("run-export")  # they share runs and exports
 LIMITS = [
     "constraints.keep_out=[{x=30.0,y=40.0,radius=12.0},{points=[[-60.0,20.0],[-40.0,20.0],[-50.0,40.0]]}]",
     "constraints.geofence=[[-90.0,-80.0],[120.0,-80.0],[120.0,120.0],[-90.0,120.0]]",

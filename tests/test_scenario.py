@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles import scenario
 
 from obsplan.missions import READERS, Mission, Track
 from obsplan.scenario import from_dict, load, shipped
 from obsplan.scenario.files import SHIPPED, read
 from obsplan.scenario.schema import json_schema, sections
-from obsplan.types import ObsplanError
+from obsplan.types import Belief, ObsplanError, Pose
 
 ORIGIN = {"lat": 47.6, "lon": -122.3}
 CNA = {"speed": 1.0, "min_turn_radius": 0.5}
@@ -222,12 +223,12 @@ def test_a_mission_file_sets_the_pace_unless_the_auv_has_a_speed(paced):
 
 
 def test_a_resolved_scenario_keeps_the_pace_without_its_file(paced):
-    for scenario in (paced(), paced(speed=1.0)):
-        again = from_dict(scenario.resolved())
-        assert again.resolved() == scenario.resolved()
+    for each in (paced(), paced(speed=1.0)):
+        again = from_dict(each.resolved())
+        assert again.resolved() == each.resolved()
         for name in ("position", "heading", "speed"):
             np.testing.assert_array_equal(
-                getattr(scenario.motions[0], name), getattr(again.motions[0], name)
+                getattr(each.motions[0], name), getattr(again.motions[0], name)
             )
     survey = paced().resolved()["auv"][0]["survey"]
     assert (survey["speeds"], survey["holds"]) == ([3.0, 2.0], [0.0, 5.0, 0.0])
@@ -305,3 +306,33 @@ def test_folder_is_refused_with_the_file_that_was_meant(tmp_path, monkeypatch):
     (tmp_path / "lake.toml").touch()
     with pytest.raises(ObsplanError, match=r'no scenario "lake" .* did you mean "lake.toml"'):
         load("lake")
+
+
+@pytest.mark.parametrize(
+    "name", ["gramian", "information", pytest.param("trajectory", marks=pytest.mark.slow)]
+)
+def test_planners_are_told_how_long_a_turn_is_held_and_not_the_time_step(name):
+    """Close to a keep-out it matters; a mission that decides at every step is told rightly either way."""
+    wreck = [{"x": 66.0, "y": -12.0, "radius": 9.0}]
+    auvs = [
+        Belief.at(0.0, 0.0, heading=0.4, speed=1.5, covariance=np.diag([4.0, 1.0, 0.01, 0.04])),
+        Belief.at(5.0, -20.0, heading=3.0, speed=1.0, covariance=np.diag([4.0, 9.0, 0.01, 0.04])),
+    ]
+    poses = [
+        Pose(66.0 + away, -12.0, heading)  # east of the wreck's centre, sailing past it
+        for away in (15.0, 19.0)
+        for heading in (1.6, -1.6, 2.4, -2.4, 2.8, -2.8)
+    ]
+
+    def turns(time_step, interval):
+        planner = scenario(
+            time_step=time_step,
+            ranging__interval=6.0,
+            planner={"kind": name, "interval": interval},
+            constraints={"keep_out": wreck},
+        ).planner()
+        return [planner.plan(pose, auvs).turn_rate for pose in poses]
+
+    every_twelfth_step = turns(0.5, 6.0)
+    assert every_twelfth_step == turns(6.0, 6.0)
+    assert every_twelfth_step != turns(0.5, 0.5)

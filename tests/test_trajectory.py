@@ -3,6 +3,7 @@
 import cmath
 from itertools import pairwise
 
+import casadi as ca
 import numpy as np
 import pytest
 import shapely
@@ -13,6 +14,7 @@ from scipy.optimize import minimize
 from formulations.model.covariance import Ranging
 from formulations.solution import Status
 from formulations.trajectory import Controls, PathLimits, Task, convex_areas, freer_side, optimise
+from formulations.trajectory.expressions import Shape, limits
 from formulations.trajectory.program import Program, program
 from formulations.trajectory.search import TOLERANCE
 
@@ -323,6 +325,25 @@ def test_whole_path_keeps_within_every_limit_and_ends_where_it_can_turn_for_ever
         )
         assert free.buffer(1e-6).contains(shapely.Point(center).buffer(RADIUS))
     assert active >= 2  # it is no test if nothing is in the way
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_circle_to_loiter_on_lies_on_the_side_that_is_told(side):
+    """Of the disc about the place where the circle's centre has to lie, in complex numbers."""
+    shape = Shape("covariance", 1, 0, False, False, 0, False, False, 1, (), 0, False, False)
+    begin, turn_rate, duration = np.array([1.0, -2.0, 0.6]), 0.5, 1.3
+    heading = begin[2] + turn_rate * duration
+    end = complex(*begin[:2])
+    end += (cmath.exp(1j * heading) - cmath.exp(1j * begin[2])) / (1j * turn_rate)
+    centre = end + side * 1j * RADIUS * cmath.exp(1j * heading)
+    disc = [centre.real, centre.imag, 1.0]
+    task = {"radius": RADIUS, "side": side, "disc": disc, "line": np.empty((3, 0))}
+    look = {"look": 0.5 * duration, "neighbour": np.empty((2, 0))}
+    stage = {"duration": duration, "margin": [0.0, 0.0, 0.0]} | look
+    numbers = [{k: ca.SX(v) for k, v in block.items()} for block in (stage, task)]
+    soft, _ = limits(ca.SX(begin), ca.SX([turn_rate]), *numbers, shape, last=True)
+    reach = 1.0 + RADIUS  # of the disc and the circle
+    assert float(soft[-1]) == pytest.approx(-reach / 2, rel=1e-12)  # (0² - reach²) / (2 reach)
 
 
 def test_turn_rate_its_change_and_the_speed_stay_within_their_limits():
