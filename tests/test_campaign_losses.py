@@ -29,7 +29,7 @@ def fly_nothing(batch):
 @pytest.fixture
 def pool():
     """A cluster of one worker inside this process, and its client."""
-    one = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None}
+    one = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": "127.0.0.1:0"}
     with LocalCluster(processes=False, **one) as pool, Client(pool) as client:
         yield pool, client
 
