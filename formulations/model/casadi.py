@@ -95,6 +95,12 @@ def mapped(function: ca.Function, count: int) -> ca.Function:
     return function if count == 1 else function.map(count)
 
 
+@lru_cache(maxsize=64)
+def in_sequence(function: ca.Function, count: int, carried: int) -> ca.Function:
+    """The Function applied ``count`` times, its first ``carried`` results being the next arguments."""
+    return function.mapaccum("in_sequence", count, carried)
+
+
 def of_each(function: ca.Function, *arguments: np.ndarray) -> list[np.ndarray]:
     """Evaluate a Function for all cases at once.
 

@@ -9,7 +9,7 @@ from time import perf_counter
 import casadi as ca
 import numpy as np
 
-from formulations.model.casadi import evaluate, machine_code
+from formulations.model.casadi import evaluate, in_sequence, machine_code
 from formulations.model.covariance import unpack_array
 from formulations.solution import Status
 from obsplan.planning.interface import (
@@ -91,15 +91,6 @@ class ClosedLoop:
         step = StepBuilder(scenario=self.scenario, planner=self.planner).build()
         return machine_code(step) if self.compiled else step
 
-    @cached_property
-    def _chunks(self) -> dict[int, ca.Function]:
-        """The step folded over a number of steps."""
-        steps = self.scenario.time.size - 1
-        return {
-            n: self.step.mapaccum("chunk", n, len(Carry._fields))
-            for n in {min(CHUNK, steps), steps % CHUNK} - {0}
-        }
-
     @property
     def start(self) -> Pose:
         """Where the aid vehicle starts: the scenario's start, unless the planner begins elsewhere."""
@@ -141,37 +132,33 @@ class ClosedLoop:
         steps = len(inputs.time)
         for k in range(0, steps, CHUNK):
             n = min(CHUNK, steps - k)
-            evaluate(
-                self._chunks[n],
-                [a[k] for a in carry] + [a[k : k + n] for a in inputs],
-                results_of(carry, log, k, n),
-            )
+            self._advance(carry, inputs, log, k, n)
             progress(k + n, steps)
+
+    def _advance(self, carry: Carry, inputs: Inputs, log: Log, k: int, n: int) -> None:
+        """Take n steps from step k on."""
+        given = [a[k] for a in carry] + [a[k : k + n] for a in inputs]
+        wanted = [a[k + 1 : k + 1 + n] for a in carry] + [a[k : k + n] for a in log]
+        evaluate(in_sequence(self.step, n, len(Carry._fields)), given, wanted)
 
     def _walk(
         self, planner: Planner, carry: Carry, inputs: Inputs, log: Log, progress: Progress
     ) -> list[float]:
-        """Advance step by step, calling the planner between them; returns the time each decision took [s]."""
-        steps, seconds = len(inputs.time), []
-        for k in range(steps):
-            decision = None
-            inputs.given[k] = carry.command[k]  # held until the next decision
-            if inputs.decide[k]:
-                began = perf_counter()
-                decision = self._decision(
-                    planner,
-                    pose_of(carry, k),
-                    self._beliefs(carry, inputs, k),
-                    float(inputs.time[k].item()),
-                )
-                seconds.append(perf_counter() - began)
-                inputs.given[k, 0] = decision.turn_rate, decision.speed
-            evaluate(self.step, [a[k] for a in (*carry, *inputs)], results_of(carry, log, k, 1))
-            if decision is not None:
-                log.score[k], log.status[k] = decision.score, decision.status
-                log.condition[k, :, 0] = decision.condition if decision.condition.size else np.nan
-            if (k + 1) % CHUNK == 0 or k + 1 == steps:
-                progress(k + 1, steps)
+        """Advance from decision to decision, calling the planner; returns the time of each [s]."""
+        steps, every = len(inputs.time), self.scenario.decide_every
+        seconds = []
+        for k in range(0, steps, every):
+            n = min(every, steps - k)
+            began = perf_counter()
+            auvs = self._beliefs(carry, inputs, k)
+            decision = self._decision(planner, pose_of(carry, k), auvs, float(inputs.time[k, 0, 0]))
+            seconds.append(perf_counter() - began)
+            inputs.given[k : k + n, 0] = decision.turn_rate, decision.speed
+            self._advance(carry, inputs, log, k, n)
+            log.score[k], log.status[k] = decision.score, decision.status
+            log.condition[k, :, 0] = decision.condition if decision.condition.size else np.nan
+            if k // CHUNK != (k + n) // CHUNK or k + n == steps:
+                progress(k + n, steps)
         return seconds
 
     def _decision(self, planner: Planner, pose: Pose, auvs: list[Belief], time: float) -> Decision:
@@ -237,8 +224,3 @@ def flyable(decision: Decision, cna: Unicycle) -> Decision:
 def pose_of(carry: Carry, k: int) -> Pose:
     """Pose of the aid vehicle at a step's beginning, with the turn rate it is still at."""
     return Pose(*(float(v) for v in (*carry.cna[k, 0], carry.command[k, 0, 0])))
-
-
-def results_of(carry: Carry, log: Log, k: int, n: int) -> list[np.ndarray]:
-    """Where n steps from step k on put what they return."""
-    return [a[k + 1 : k + 1 + n] for a in carry] + [a[k : k + n] for a in log]
