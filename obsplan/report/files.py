@@ -5,7 +5,7 @@ import io
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from itertools import count
@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import tomlkit
-import tomlkit.items
 from jaxtyping import Float
 
 from obsplan.files import write_atomically
@@ -189,48 +188,51 @@ def check_free(folder: Path) -> None:
 def scenario_toml(run: Run) -> str:
     """The scenario as a file that gives this run again, with nothing left to a default."""
     data: dict[str, Any] = run.scenario.resolved() | {"seed": run.seed}
-    document = tomlkit.document()
-    document.add(
-        tomlkit.comment(
-            f"{data['name']} as it was run: every key, mission files replaced by their waypoints"
-        )
-    )
+    lines = [
+        f"# {data['name']} as it was run: every key, mission files replaced by their waypoints"
+    ]
     if name_of(run.scenario.planner()) != run.planner:
-        document.add(
-            tomlkit.comment(
-                f"but steered by {run.planner}, a planner given from code, which this file cannot name"
-            )
+        lines.append(
+            f"# but steered by {run.planner}, a planner given from code, which this file cannot name"
         )
-    for key, value in data.items():
-        if not isinstance(value, dict) and key != "auv":
-            document.add(key, value)
-    for key, value in data.items():
-        if key == "auv":
-            document.add(key, tables(value))
-        elif isinstance(value, dict):
-            document.add(key, table(value))
-    return tomlkit.dumps(document)
+    tables = {key: value for key, value in data.items() if key == "auv" or isinstance(value, dict)}
+    lines += key_lines({key: value for key, value in data.items() if key not in tables})
+    for key, value in tables.items():
+        lines += table_lines(f"[{key}]", key, value) if key != "auv" else array_lines(key, value)
+    return "\n".join([*lines, ""])
 
 
-def tables(items: list[dict[str, Any]]) -> tomlkit.items.AoT:
-    """An array of tables."""
-    array = tomlkit.aot()
-    for item in items:
-        array.append(table(item))
-    return array
+def table_lines(heading: str, name: str, table: dict[str, Any]) -> list[str]:
+    """A table in TOML: lists of tables in it follow, other tables in it are on one line each."""
+    arrays = {
+        key: value
+        for key, value in table.items()
+        if isinstance(value, list | tuple) and value and isinstance(value[0], dict)
+    }
+    lines = ["", heading]
+    lines += key_lines({key: value for key, value in table.items() if key not in arrays})
+    for key, value in arrays.items():
+        lines += array_lines(f"{name}.{key}", value)
+    return lines
 
 
-def table(item: dict[str, Any]) -> tomlkit.items.Table:
-    """A table, with the tables inside it on one line each."""
-    made = tomlkit.table()
-    for key, value in item.items():
-        if isinstance(value, dict):
-            inline = tomlkit.inline_table()
-            inline.update(value)
-            made.add(key, inline)
-        else:
-            made.add(key, value)
-    return made
+def array_lines(name: str, items: Sequence[dict[str, Any]]) -> list[str]:
+    """A list of tables in TOML."""
+    return [line for item in items for line in table_lines(f"[[{name}]]", name, item)]
+
+
+def key_lines(table: dict[str, Any]) -> list[str]:
+    """Keys and values in TOML, one a line."""
+    return [f"{key} = {toml_value(value)}" for key, value in table.items()]
+
+
+def toml_value(value: Any) -> str:
+    """A value in TOML, on one line; tomlkit's own arrays take a time that grows with the square of their length."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(key_lines(value)) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(toml_value, value)) + "]"
+    return tomlkit.item(value).as_string()
 
 
 def tracks_csv(run: Run) -> str:
