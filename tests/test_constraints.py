@@ -99,6 +99,20 @@ def test_violation_is_the_worst_of_every_limit():
         assert LIMITS.violation(np.array([[x, y]]), auvs)[0] == pytest.approx(expected, abs=1e-9)
 
 
+def test_violation_along_paths_is_that_of_their_places_one_by_one():
+    rng = np.random.default_rng(3)
+    begins = rng.uniform(-70, 70, (400, 1, 2))
+    paths = begins + rng.uniform(-2.0, 2.0, (400, 9, 2)).cumsum(axis=1)
+    auvs = np.array([[5.0, -30.0], [-40.0, 10.0]])
+    alone = LIMITS.violation(paths.reshape(-1, 2), auvs).reshape(400, 9)
+    np.testing.assert_array_equal(LIMITS.violation(paths, auvs), alone)
+    fixed_alone = Constraints(keep_out=LIMITS.keep_out, geofence=LIMITS.geofence)
+    broken = fixed_alone.violation(paths, np.empty((0, 2)))
+    expected = [max(0.0, fixed(x, y)) for x, y in paths.reshape(-1, 2).tolist()]
+    np.testing.assert_allclose(broken.ravel(), expected, atol=1e-12)
+    assert 0.1 < np.mean(np.array(expected) > 0) < 0.9
+
+
 def test_no_limits_are_false_and_never_violated():
     assert not Constraints()
     assert Constraints(min_separation=1.0)

@@ -198,7 +198,10 @@ def scenario_toml(run: Run) -> str:
     tables = {key: value for key, value in data.items() if key == "auv" or isinstance(value, dict)}
     lines += key_lines({key: value for key, value in data.items() if key not in tables})
     for key, value in tables.items():
-        lines += table_lines(f"[{key}]", key, value) if key != "auv" else array_lines(key, value)
+        if isinstance(value, dict):
+            lines += table_lines(f"[{key}]", key, value)
+        else:
+            lines += array_lines(key, value)
     return "\n".join([*lines, ""])
 
 
