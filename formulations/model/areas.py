@@ -60,7 +60,10 @@ def _edges_of(corners: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "7 E 1"]:
 def signed_distance(
     points: Float[np.ndarray, "*batch 2"], outline: Outline
 ) -> Float[np.ndarray, "*batch"]:
-    """Distance [m] of points from the line of a polygon, negative inside; not a number where a coordinate is none."""
+    """Distance [m] of points from the line of a polygon, negative inside.
+
+    Not a number where a coordinate is none.
+    """
     flat = points.reshape(-1, 2)
     found = np.empty(len(flat))
     long = len(outline.corners) > LONG
