@@ -1,6 +1,7 @@
 """The house as CONTRIBUTING describes it: formatted, typed, imports one way, nothing too long."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -75,6 +76,20 @@ def test_functions_are_short_and_statements_are_not_dense(path):
             assert statements(node) <= MOST_STATEMENTS, node.name
         if isinstance(node, ast.Assign | ast.AugAssign | ast.Return | ast.Expr):
             assert syntax_nodes(node) <= most, f"line {node.lineno}"
+
+
+@pytest.mark.parametrize(
+    ("formula", "home"),
+    [
+        (r"\bsinc\(", "formulations/model/arcs.py"),
+        (r"\b0\.75 \*", "formulations/model/covariance.py"),  # the range's second-order term
+        (r"\bfmod\(", "formulations/model/schedule.py"),
+    ],
+    ids=["arc", "range update", "ping rule"],
+)
+def test_formula_of_the_world_is_written_in_one_file(formula, home):
+    found = [path for path in MODULES if re.search(formula, path.read_text(encoding="utf-8"))]
+    assert found == [ROOT / home]
 
 
 def test_mathematics_is_read_without_scrolling():

@@ -152,6 +152,20 @@ def test_gradient_is_the_difference_quotient(hold, limited):
     )
 
 
+def test_dual_residual_is_the_projected_gradient_by_differences():
+    m = mission(steps=24, auvs=1)
+    plan = optimise(m, hold=4, count=1, random=RNG(5))
+
+    def value(w):
+        return PredictedVariance(m)(followed(m, w, 4)[m.stages.end, :2])[0]
+
+    w, step = plan.x / m.max_turn_rate, 1e-5
+    gradient = [(value(w + d) - value(w - d)) / (2 * step) for d in step * np.eye(w.size)]
+    projected = np.clip(w - gradient, -1.0, 1.0) - w
+    assert np.abs(gradient).max() > 1e-3  # turns at their limit would go on
+    assert plan.dual_residual == pytest.approx(np.abs(projected).max(), abs=1e-6)
+
+
 @pytest.mark.slow
 def test_plan_is_no_worse_than_any_start_and_keeps_the_turning_limit():
     m = mission(steps=80)

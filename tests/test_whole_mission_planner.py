@@ -230,7 +230,7 @@ def test_turned_or_mirrored_world_is_the_same_problem_whatever_the_first_covaria
         told_otherwise(planner, filed=filed).open_loop(pose),
         told_otherwise(planner, filed=there).open_loop(start),
     )
-    assert other.plan.score == pytest.approx(one.plan.score, rel=1e-9)
+    assert other.plan.objective == pytest.approx(one.plan.objective, rel=1e-9)
     np.testing.assert_allclose(other.turn_rates, mirror * one.turn_rates, atol=1e-9)
 
 

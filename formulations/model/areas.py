@@ -2,13 +2,16 @@ r"""Signed distance from the closed line of a polygon, negative inside.
 
 .. math:: d(p) = \pm \min_k \min_{0 \le t \le 1} |p - a_k - t (a_{k+1} - a_k)|
 
-The least is at a corner, or where an edge is met at a right angle. A point is inside if a ray to the east crosses the line an odd number of
-times (Shimrat 1962, ACM Algorithm 112); an edge counts with its lower end and without its upper one.
+The least is at a corner, or where an edge is met at a right angle. A point is inside if a ray to
+the east crosses the line an odd number of times (Shimrat 1962, ACM Algorithm 112); an edge counts
+with its lower end and without its upper one.
 
-Of a long line only the stretches near the points are looked at. Others are replaced by the straight way from their first corner to the next
-stretch's: with it they stay within a box that no point is in, so as many rays cross it, but for an even number.
+Of a long line only the stretches near the points are looked at. Others are replaced by the straight
+way from their first corner to the next stretch's: with it they stay within a box that no point is
+in, so as many rays cross it, but for an even number.
 
-In numpy, over points and edges at once: twice as fast as CasADi's virtual machine, and no slower than the C it generates.
+In numpy, over points and edges at once: twice as fast as CasADi's virtual machine, and no slower
+than the C it generates.
 """
 
 from typing import NamedTuple
@@ -44,7 +47,8 @@ def outline_of(corners: Float[np.ndarray, "n 2"]) -> Outline:
 def _edges_of(corners: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "7 E 1"]:
     """Edges between corners; none between corners in the same place.
 
-    Where each begins; how far north it ends; where it leads from its beginning; its length squared; its length.
+    Where each begins; how far north it ends; where it leads from its beginning; its length squared;
+    its length.
     """
     ends = np.roll(corners, -1, axis=0)
     way = ends - corners
@@ -56,7 +60,10 @@ def _edges_of(corners: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "7 E 1"]:
 def signed_distance(
     points: Float[np.ndarray, "*batch 2"], outline: Outline
 ) -> Float[np.ndarray, "*batch"]:
-    """Distance [m] of points from the line of a polygon, negative inside; not a number where a coordinate is none."""
+    """Distance [m] of points from the line of a polygon, negative inside.
+
+    Not a number where a coordinate is none.
+    """
     flat = points.reshape(-1, 2)
     found = np.empty(len(flat))
     long = len(outline.corners) > LONG
