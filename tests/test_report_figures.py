@@ -20,7 +20,6 @@ from obsplan.report.map import apart, ellipses, extent
 from obsplan.report.style import BROKEN, COLOURS, MOST_POINTS, outline, planner_style, png
 from obsplan.simulation import simulate
 
-
 pytestmark = pytest.mark.xdist_group("report-figures")  # they share runs
 
 
