@@ -247,9 +247,9 @@ class Constraints:
         self,
         positions: Float[np.ndarray, "*batch 2"],
         auvs: Float[np.ndarray, "*#batch M 2"],
-        room: Float[np.ndarray, " M"] | float = 0.0,
+        margin: Float[np.ndarray, " M"] | float = 0.0,
     ) -> Float[np.ndarray, "*batch"]:
-        """How far [m] positions are from a permitted distance to every AUV, with room [m] to spare for each; at most 0 if right."""
+        """How far [m] positions are from a permitted distance to every AUV, with a margin [m] for each; at most 0 if right."""
         if not self._separates:
             return np.full(positions.shape[:-1], -np.inf)
         way = positions[..., None, :] - auvs
@@ -257,7 +257,7 @@ class Constraints:
         broken = distance - self.max_separation
         if self.min_separation > 0:
             broken = np.maximum(self.min_separation - distance, broken)
-        return np.max(broken + room, axis=-1, initial=-np.inf)
+        return np.max(broken + margin, axis=-1, initial=-np.inf)
 
     @property
     def _separates(self) -> bool:
@@ -267,13 +267,13 @@ class Constraints:
         self,
         positions: Float[np.ndarray, "*batch 2"],
         auvs: Float[np.ndarray, "*#batch M 2"],
-        room: Float[np.ndarray, " M"] | float = 0.0,
+        margin: Float[np.ndarray, " M"] | float = 0.0,
     ) -> Float[np.ndarray, "*batch"]:
         """How far [m] positions break a limit, 0 where they keep all; it changes by no more than the vehicles move.
 
         The last axis of the batch is a path, of which the middle is looked at first.
         """
-        broken = np.maximum(self.separation_violation(positions, auvs, room), 0.0)
+        broken = np.maximum(self.separation_violation(positions, auvs, margin), 0.0)
         if positions.ndim < 3:
             return np.maximum(broken, self.fixed_violation(positions))
         middle = positions[..., positions.shape[-2] // 2, :]
@@ -317,7 +317,7 @@ def first_move_violation(
     radius: float,
     interval: float,
     auvs: Callable[[Float[np.ndarray, " points"]], Float[np.ndarray, "points M 2"]],
-    room: Float[np.ndarray, " M"] | float = 0.0,
+    margin: Float[np.ndarray, " M"] | float = 0.0,
 ) -> Float[np.ndarray, " K"]:
     """How far [m] each turn held until the next decision breaks a limit, or leaves the vehicle where it must break one.
 
@@ -334,7 +334,7 @@ def first_move_violation(
         decision [s].
     auvs
         Positions of the AUVs [m] at times from now [s].
-    room
+    margin
         By which separations are kept more than the limits say, per AUV [m].
     """
     times = interval * np.arange(1, MOVE_POINTS + 1) / MOVE_POINTS
@@ -346,7 +346,9 @@ def first_move_violation(
         fixed = np.maximum(fixed, loiter_violation(constraints, poses[:, -1], radius).min(axis=-1))
     known = auvs(np.append(0.0, times))
     strides = 0.5 * np.max(np.linalg.norm(np.diff(known, axis=0), axis=-1), axis=-1, initial=0.0)
-    apart = np.max(constraints.separation_violation(positions, known[1:], room) + strides, axis=-1)
+    apart = np.max(
+        constraints.separation_violation(positions, known[1:], margin) + strides, axis=-1
+    )
     worst = np.maximum(fixed, apart) + half_step
     return np.where(
         fixed + half_step > 0, worst + max(0.0, float(np.max(apart)) + half_step), worst

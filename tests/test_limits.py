@@ -1,4 +1,4 @@
-"""How planners that know no limits are kept within them, and how much room is left for AUVs whose places are not known."""
+"""How planners that know no limits are kept within them, and how much margin is left for AUVs whose places are not known."""
 
 import math
 from dataclasses import replace
@@ -113,8 +113,8 @@ def test_room_is_three_standard_deviations_of_the_worst_direction():
     rng = np.random.default_rng(1)
     for _ in range(20):
         root = rng.normal(size=(4, 4))
-        _, room = expected([op.Belief.at(1.0, 2.0, covariance=root @ root.T)])
-        assert room[0] == pytest.approx(3.0 * np.linalg.svd(root[:2])[1][0])
+        _, margin = expected([op.Belief.at(1.0, 2.0, covariance=root @ root.T)])
+        assert margin[0] == pytest.approx(3.0 * np.linalg.svd(root[:2])[1][0])
 
 
 def test_separation_is_kept_farther_from_an_auv_that_is_not_sure_of_its_place():
@@ -199,7 +199,7 @@ def test_a_vehicle_at_rest_needs_no_circle_to_turn_on():
 @pytest.mark.slow
 def test_keep_outs_hold_even_where_auvs_come_too_near():
     run = op.simulate(op.load("suite/keep-outs", planner="centroid-orbit"), seed=3)
-    assert run.status_counts["violated"] > 10  # for want of room to an AUV
+    assert run.status_counts["violated"] > 10  # for want of margin to an AUV
     assert run.scenario.constraints.fixed_violation(np.ascontiguousarray(run.cna[:, :2])).max() < 0
 
 

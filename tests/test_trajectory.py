@@ -276,7 +276,7 @@ def test_convex_areas_err_on_the_safe_side_and_lose_only_pockets():
     np.testing.assert_array_equal(allowed, shapely.contains(convex, shapely.points(points)))
 
 
-def room(discs=(), polygons=(), fence=None):
+def margin(discs=(), polygons=(), fence=None):
     """What is left to the vehicle."""
     left = shapely.box(-1e3, -1e3, 1e3, 1e3) if fence is None else shapely.Polygon(fence)
     for x, y, r in discs:
@@ -292,7 +292,7 @@ def test_whole_path_keeps_within_every_limit_and_ends_where_it_can_turn_for_ever
     rng = np.random.default_rng(3)
     v = np.array([[0.2, -0.1]])
     areas = {"discs": [(-2.5, 1.0, 1.0)], "polygons": [SQUARE], "fence": NOTCHED}
-    free = room(**areas)
+    free = margin(**areas)
     active = 0
     for _ in range(6):
         while True:
@@ -379,7 +379,7 @@ def test_limits_that_cannot_be_kept_are_softened_and_the_status_says_so():
     assert found.primal_residual > 15.0
     assert np.hypot(*found.poses[-1, :2]) < 26.0  # 5 m nearer, less the turn
     inside = task_of((2.5, 1.2, 0.0), [(0.0, 0.0)], discs=[DISC])
-    found = optimise(inside, "log-det", limits=true_limits(inside, room(discs=[DISC])))
+    found = optimise(inside, "log-det", limits=true_limits(inside, margin(discs=[DISC])))
     assert found.status == Status.SOFTENED
     assert np.hypot(*(found.poses[6, :2] - DISC[:2])) > 1.0  # left after 1.5 s at most
 
@@ -389,7 +389,7 @@ def test_limits_that_cannot_be_kept_are_softened_and_the_status_says_so():
 
 def example():
     task = task_of((2.0, -3.0, 0.7), [(0.0, 0.0)], discs=[DISC], least=0.5, greatest=8.0)
-    return task, true_limits(task, room(discs=[DISC]))
+    return task, true_limits(task, margin(discs=[DISC]))
 
 
 def only(solve, when):
@@ -437,7 +437,7 @@ def test_answer_through_a_keep_out_or_worse_than_the_manoeuvre_is_not_taken(monk
     through = task_of((2.5, -3.0, np.pi / 2), [(0.0, 0.0)], discs=[DISC], least=0.5, greatest=8.0)
     for lie, asked in zip(lies, (through, task), strict=True):
         monkeypatch.setattr(Program, "solve", lambda *_, lie=lie: Controls(lie, np.ones(20)))
-        found = optimise(asked, "log-det", limits=true_limits(asked, room(discs=[DISC])))
+        found = optimise(asked, "log-det", limits=true_limits(asked, margin(discs=[DISC])))
         assert found.status == Status.BEST_MANOEUVRE
         assert found.primal_residual <= TOLERANCE
 
@@ -447,7 +447,7 @@ def test_where_nothing_keeps_the_limits_and_no_solver_answers_the_least_violatin
 ):
     monkeypatch.setattr(Program, "solve", lambda *_: None)
     inside = task_of((2.5, 1.2, 0.0), [(0.0, 0.0)], discs=[DISC])
-    found = optimise(inside, "log-det", limits=true_limits(inside, room(discs=[DISC])))
+    found = optimise(inside, "log-det", limits=true_limits(inside, margin(discs=[DISC])))
     assert found.status == Status.VIOLATED
     assert found.primal_residual > 0.5
 

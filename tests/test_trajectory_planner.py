@@ -298,13 +298,13 @@ def test_mission_breaks_no_limit_along_the_true_path_unless_the_status_said_so(o
     for k, at, auvs in flown(run):
         distance = np.linalg.norm(at - auvs, axis=1)
         inside = shapely.contains(free, shapely.Point(at))
-        room = min(
+        margin = min(
             shapely.distance(free.boundary, shapely.Point(at)) * (1 if inside else -1),
             distance.min() - 3.0,
             90.0 - distance.max(),
         )
-        assert room > -1e-3 or run.status[2 * (k // 2)] in SAID, (k, room)
-        close = min(close, room)
+        assert margin > -1e-3 or run.status[2 * (k // 2)] in SAID, (k, margin)
+        close = min(close, margin)
     assert said[Status.OPTIMAL] >= 80, said
     assert close < 3.0  # something was in the way
 

@@ -262,7 +262,7 @@ class GramianHorizon:
         """How far [m] each candidate breaks a limit before the next decision, or without fail after it, and over the horizon."""
         cna, rates = self.situation.cna, self.candidates
         state = np.array([pose.x, pose.y, pose.heading])
-        ahead, room = expected(auvs)
+        ahead, margin = expected(auvs)
         first = first_move_violation(
             self.constraints,
             state,
@@ -271,11 +271,11 @@ class GramianHorizon:
             radius=cna.min_turn_radius,
             interval=self.situation.decision_interval,
             auvs=ahead,
-            room=room,
+            margin=margin,
         )
         times = self.look_ahead * np.arange(1, HORIZON_POINTS + 1) / HORIZON_POINTS
         positions = arcs(state, rates, cna.speed, times)[..., :2]
-        return first, self.constraints.violation(positions, ahead(times), room).max(axis=-1)
+        return first, self.constraints.violation(positions, ahead(times), margin).max(axis=-1)
 
 
 @lru_cache(maxsize=16)

@@ -107,7 +107,7 @@ class InformationHorizon:
         """The constraints as the search takes them; none cost nothing."""
         if not self.constraints:
             return {}
-        ahead, room = expected(auvs)
+        ahead, margin = expected(auvs)
         first = first_move_violation(
             self.constraints,
             state,
@@ -116,11 +116,11 @@ class InformationHorizon:
             radius=self.situation.cna.min_turn_radius,
             interval=self.situation.decision_interval,
             auvs=ahead,
-            room=room,
+            margin=margin,
         )
         return {
             "violation": lambda positions, times: self.constraints.violation(
-                positions, ahead(times), room
+                positions, ahead(times), margin
             ),
             "first_violation": first,
         }

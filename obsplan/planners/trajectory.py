@@ -45,7 +45,7 @@ class Trajectory:
     the geofence, so that there is always one to follow. Where limits cannot be kept they are softened, and the status says so; it also
     says which rung of the ladder the trajectory is from.
 
-    Separations are kept from where AUVs are expected, with room for not knowing where they are and for what they may stray in a stage.
+    Separations are kept from where AUVs are expected, with a margin for not knowing where they are and for what they may stray in a stage.
 
     A planner remembers its last trajectory to start from, as long as time goes on: asked again at the same time or an earlier one, or
     later than the trajectory lasts, it starts afresh.
@@ -212,10 +212,10 @@ class Trajectory:
 
     def _limits(self, auvs: Sequence[Belief]) -> PathLimits:
         """The constraints, the AUVs being where they are expected."""
-        ahead, room = expected(auvs)
+        ahead, margin = expected(auvs)
         return PathLimits(
             along=lambda positions, times: self.constraints.violation(
-                positions, ahead(times), room
+                positions, ahead(times), margin
             ),
             terminal=lambda poses: loiter_violation(
                 self.constraints, poses, self.situation.cna.min_turn_radius

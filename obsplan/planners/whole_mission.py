@@ -42,7 +42,7 @@ class WholeMission:
     Planned once, from the surveys as filed, before the mission begins, and followed open loop: no estimate changes it, nor does a
     mission's noise. Each turn is held for ``segment``. Of ``starts`` descents along exact gradients, from the receding horizon's way,
     orbits, constant and random turns, and the best itself shaken, the best local optimum is taken (`formulations.whole_mission`). Limits
-    hold for the surveys as filed, separations with room for AUVs that stray from them (`Limits`); if no descent keeps them, the least
+    hold for the surveys as filed, separations with a margin for AUVs that stray from them (`Limits`); if no descent keeps them, the least
     violating is taken and the status says so. A vehicle that is not where the plan has it, as after going straight on for a pose or a
     belief that was not finite, gets a plan of its own for the rest of the mission, as if it began there. ``score`` is the mean weighted
     position variance [m^2].
@@ -225,7 +225,7 @@ def seen_covariances(frame: Frame, P: Float[np.ndarray, "M 4 4"]) -> Float[np.nd
 class Limits:
     """How far positions in the vehicle's frame break the limits at times since a sample, the AUVs being near where they filed to be.
 
-    Separations have room for three standard deviations (`SURE`) of how far an AUV has strayed by then (`Filed.straying`).
+    Separations have a margin of three standard deviations (`SURE`) of how far an AUV has strayed by then (`Filed.straying`).
     """
 
     planner: WholeMission
@@ -244,10 +244,10 @@ class Limits:
         at = (time / filed.time_step + self.first).round().astype(int).clip(max=filed.time.size - 1)
         auvs = np.moveaxis(filed.position, 1, 0)[
             :, at, None
-        ]  # one after the other: each needs room of its own at each time
+        ]  # one after the other: each needs a margin of its own at each time
         apart = [
-            limits.separation_violation(world, auv) + room
-            for auv, room in zip(auvs, self._room[:, at], strict=True)
+            limits.separation_violation(world, auv) + margin
+            for auv, margin in zip(auvs, self._margin[:, at], strict=True)
         ]
         return (
             np.max([limits.fixed_violation(world), *apart], axis=0)
@@ -255,7 +255,7 @@ class Limits:
         )
 
     @cached_property
-    def _room(self) -> Float[np.ndarray, "auvs samples"]:
+    def _margin(self) -> Float[np.ndarray, "auvs samples"]:
         filed = self.planner.filed
         return (SURE * filed.straying + 0.5 * filed.strides).T
 

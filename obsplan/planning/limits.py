@@ -20,7 +20,7 @@ Expected = Callable[[Float[np.ndarray, " T"]], Float[np.ndarray, "T M 2"]]
 
 
 def expected(auvs: Sequence[Belief]) -> tuple[Expected, Float[np.ndarray, " M"]]:
-    """Where AUVs are expected [m] at times from now [s], and the room [m] to leave each for not knowing where it is; none if unknown."""
+    """Where AUVs are expected [m] at times from now [s], and the margin [m] to keep from each for not knowing where it is; none if unknown."""
     var_east, covariance, var_north = (
         np.array([auv.covariance[[0, 0, 1], [0, 1, 1]] for auv in auvs]).reshape(-1, 3).T
     )
@@ -52,7 +52,7 @@ def within_limits(
     cna = situation.cna
     limit = wanted.speed / cna.min_turn_radius
     turn_rates = np.concatenate([[wanted.turn_rate], np.linspace(limit, -limit, CANDIDATES)])
-    ahead, room = expected([auv for auv in auvs if np.isfinite(auv.mean).all()])
+    ahead, margin = expected([auv for auv in auvs if np.isfinite(auv.mean).all()])
     violation = first_move_violation(
         situation.constraints,
         state,
@@ -61,7 +61,7 @@ def within_limits(
         radius=cna.min_turn_radius,
         interval=situation.decision_interval,
         auvs=ahead,
-        room=room,
+        margin=margin,
     )
     broken = np.maximum(violation, 0.0)
     if broken[0] == 0:
