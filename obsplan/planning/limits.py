@@ -20,7 +20,10 @@ Expected = Callable[[Float[np.ndarray, " T"]], Float[np.ndarray, "T M 2"]]
 
 
 def expected(auvs: Sequence[Belief]) -> tuple[Expected, Float[np.ndarray, " M"]]:
-    """Where AUVs are expected [m] at times from now [s], and the margin [m] to keep from each for not knowing where it is; none if unknown."""
+    """Where AUVs are expected [m] at times from now [s], and the margin [m] to keep from each.
+
+    The margin is for not knowing where it is; none where that is unknown, too.
+    """
     var_east, covariance, var_north = (
         np.array([auv.covariance[[0, 0, 1], [0, 1, 1]] for auv in auvs]).reshape(-1, 3).T
     )
