@@ -97,7 +97,7 @@ def mapped(function: ca.Function, count: int) -> ca.Function:
 
 @lru_cache(maxsize=64)
 def in_sequence(function: ca.Function, count: int, carried: int) -> ca.Function:
-    """The Function applied ``count`` times, its first ``carried`` results being the next arguments."""
+    """The Function ``count`` times, the first ``carried`` results being the next arguments."""
     return function.mapaccum("in_sequence", count, carried)
 
 
