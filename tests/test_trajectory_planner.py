@@ -12,6 +12,7 @@ from test_planners import beliefs, rotation, world
 
 import obsplan as op
 from formulations.solution import Status
+from formulations.trajectory.program import program
 from obsplan.constraints import Constraints, Disc, Polygon
 
 TURN_TOLERANCE = (
@@ -352,3 +353,14 @@ def test_decisions_between_stage_ends_keep_to_the_trajectory():
         x, y, heading = arc((pose.x, pose.y, pose.heading), decision.turn_rate, 2.0, 1.0)
         pose = op.Pose(float(x), float(y), float(heading), decision.turn_rate)
     assert np.ptp(scores) < 0.2
+
+
+def test_decisions_of_a_mission_build_no_program():
+    """All of them are built before it: a step of the mission never waits for that."""
+    mission = scenario(planner={"kind": "trajectory", "stages": 3}, duration=4.0)
+    planner = mission.planner()
+    planner.prepare(mission.start, lambda _done, _total: None)
+    built = program.cache_info().misses
+    assert built > 0
+    op.simulate(mission, planner=planner)
+    assert program.cache_info().misses == built

@@ -1,8 +1,8 @@
 """Trajectory: optimise the turns over a receding horizon, under limits on where the aid vehicle may be."""
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass
-from functools import cached_property
+from dataclasses import KW_ONLY, dataclass, replace
+from functools import cached_property, lru_cache
 from time import perf_counter
 from typing import Annotated, Literal, NamedTuple
 
@@ -22,6 +22,7 @@ from formulations.trajectory import (
 from obsplan.constraints import Constraints, Disc, Polygon, loiter_violation
 from obsplan.planning.checks import check_at_least, check_choices, check_positive
 from obsplan.planning.fallback import straight_on, unusable
+from obsplan.planning.interface import Progress
 from obsplan.planning.limits import SURE, expected
 from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
@@ -96,6 +97,10 @@ class Trajectory:
     def _memory(self) -> "dict[str, _Plan]":
         """The last trajectory; no field, since planners with the same options are equal."""
         return {}
+
+    def prepare(self, pose: Pose, progress: Progress) -> None:  # noqa: ARG002 - it is soon done
+        """Build the programs before the mission, so that no decision waits for that."""
+        built(self, pose)
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Choose the first turn of the best trajectory."""
@@ -221,6 +226,16 @@ class Trajectory:
                 self.constraints, poses, self.situation.cna.min_turn_radius
             ),
         )
+
+
+@lru_cache(maxsize=16)
+def built(planner: Trajectory, pose: Pose) -> bool:
+    """Decide once from the surveys as filed, if any, which builds the programs of this process."""
+    filed = planner.situation.filed
+    if filed is None:
+        return False
+    replace(planner).plan(pose, filed.beliefs)  # a copy, so that the planner remembers nothing
+    return True
 
 
 class _Plan(NamedTuple):

@@ -6,6 +6,8 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from obsplan.types import Belief
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Filed:
@@ -33,6 +35,28 @@ class Filed:
     def time_step(self) -> float:
         """Time between samples [s]."""
         return float(self.time[1] - self.time[0])
+
+    @property
+    def beliefs(self) -> list[Belief]:
+        """What is known of the AUVs at the mission's beginning, the current aside."""
+        known = zip(
+            self.position[0],
+            self.heading[0],
+            self.speed[0],
+            self.covariance,
+            self.process_noise,
+            self.weights,
+            strict=True,
+        )
+        return [
+            Belief(
+                mean=np.array([*place, heading, speed]),
+                covariance=covariance,
+                process_noise=(float(noise[0]), float(noise[2]), float(noise[3])),
+                weight=float(weight),
+            )
+            for place, heading, speed, covariance, noise, weight in known
+        ]
 
     @cached_property
     def straying(self) -> Float[np.ndarray, "samples auvs"]:

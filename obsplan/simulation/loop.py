@@ -198,8 +198,19 @@ class ClosedLoop:
 
 
 def prepared(planner: Prepares, start: Pose, progress: Progress) -> Progress:
-    """Let a planner plan before the mission; that is told as the first half, and by what is returned the mission as the second."""
-    planner.prepare(start, lambda done, total: progress(done, 2 * total))
+    """Let a planner plan before the mission, and tell how far it is as the first half.
+
+    Returned is what tells the mission as the second half, or, if the planner told nothing, as it is.
+    """
+    told = []
+
+    def half(done: int, total: int) -> None:
+        told.append(done)
+        progress(done, 2 * total)
+
+    planner.prepare(start, half)
+    if not told:
+        return progress
     return lambda done, steps: progress(steps + done, 2 * steps)
 
 
