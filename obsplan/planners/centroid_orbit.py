@@ -1,4 +1,4 @@
-"""Orbit the AUVs' centroid: the circle a survey engineer would choose by hand, but moving with the AUVs."""
+"""Orbit the AUVs' centroid: the circle a survey engineer would choose, moving with the AUVs."""
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
@@ -18,10 +18,11 @@ STEEPEST = 0.99  # sine of the largest crab angle: beyond it the vehicle cannot 
 
 @dataclass(frozen=True)
 class CentroidOrbit:
-    """Circle the AUVs' weighted centroid the shorter way round, crabbing so that the circle moves with it.
+    """Circle the AUVs' weighted centroid, the shorter way round, and crab to move with it.
 
-    The course relative to the centroid is the orbit's tangent, turned toward the orbit by atan(distance from it / look-ahead). ``score`` is
-    the squared distance from the orbit [m^2]. (Standoff tracking by a vector field: Frew, Lawrence and Morris 2008.)
+    The course relative to the centroid is the orbit's tangent, turned toward the orbit by
+    atan(distance from it / look-ahead). ``score`` is the squared distance from the orbit [m^2].
+    (Standoff tracking by a vector field: Frew, Lawrence and Morris 2008.)
     """
 
     condition_label = ""
@@ -45,7 +46,7 @@ class CentroidOrbit:
         """Steer along the orbit as it is now."""
         return decide(self, pose, auvs, time)
 
-    def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002 - the protocol's signature
+    def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002
         """The turn rate of the orbit plus a correction onto its course."""
         cna = self.situation.cna
         share = targets.weight / ca.sum1(targets.weight)

@@ -18,7 +18,11 @@ from obsplan.types import Belief, Decision, Point, Pose, as_point
 
 @dataclass(frozen=True)
 class Circle:
-    """Follow a circle counter-clockwise; away from it, steer to its tangent with a look-ahead of the smallest turning diameter."""
+    """Follow a circle counter-clockwise.
+
+    Away from the circle the vehicle steers to its tangent, with a look-ahead of the smallest
+    turning diameter.
+    """
 
     condition_label = ""
 
@@ -78,7 +82,7 @@ class Circle:
         """Steer along the circle, whatever the AUVs do."""
         return evaluate(self, pose, auvs, time)
 
-    def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002 - the protocol's signature
+    def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002
         """The turn rate of the circle plus a correction toward the tangent at the look-ahead."""
         cna, circle = self.situation.cna, self.circle
         east, north = pose[0] - circle.x, pose[1] - circle.y

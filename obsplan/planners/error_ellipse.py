@@ -18,15 +18,18 @@ from obsplan.types import Belief, Decision, Pose
 
 @dataclass(frozen=True)
 class ErrorEllipse:
-    r"""Turn so that the next range is measured along the largest axis of each AUV's error ellipse, as nearly as one turn allows.
+    r"""Turn so that the next range is measured along the largest axis of the error ellipses.
 
-    Of turn rates held until the next ping the one is taken after which least variance lies across the lines of sight,
+    Each candidate turn rate is held until the next ping. The best one leaves the least variance
+    across the lines of sight,
 
     .. math:: \sum_i w_i (\operatorname{tr} P_i - u_i^\top P_i u_i),
 
-    with P the reported position covariance and u the line of sight to the AUV, which moves on at its velocity. This is ``score`` [m^2]. It
-    looks no further than one range and keeps no distance. (Chitre, "Path planning for cooperative underwater range-only navigation using a
-    single beacon", 2010, whose beacon minimises the error after the next range; errors along the range are taken to vanish.)
+    which is ``score`` [m^2]. P is the reported position covariance and u the line of sight to the
+    AUV, which moves on at its velocity. The planner looks no further than one range and keeps no
+    distance. Errors along the range are taken to vanish. (Chitre, "Path planning for cooperative
+    underwater range-only navigation using a single beacon", 2010, whose beacon minimises the
+    error after the next range.)
     """
 
     condition_label = ""

@@ -1,4 +1,4 @@
-"""Gramian horizon: try turn rates over a short horizon and take the one that makes the AUVs most observable (thesis chapter 4)."""
+"""Gramian horizon: hold the turn that makes the AUVs most observable (thesis chapter 4)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
@@ -51,21 +51,32 @@ Entries = tuple[ca.SX, ...]
 
 @dataclass(frozen=True)
 class GramianHorizon:
-    """Hold the candidate turn rate whose Gramian over the horizon scores best (thesis Algorithms 1 and 2).
+    """Hold the candidate turn rate whose Gramian over the horizon scores best (thesis chapter 4).
 
-    Candidates are spread evenly between the turning limits, and tried from left to right: of equals the leftmost is taken. ``score`` is
-    the aggregated metric, lower is better. Where no candidate makes every AUV observable the vehicle goes straight on.
+    Algorithms 1 and 2 of the thesis. Candidates are spread evenly between the turning limits and
+    tried from left to right; of equal ones the leftmost is taken. ``score`` is the aggregated
+    metric, lower is better. Where no candidate makes every AUV observable the vehicle goes
+    straight on.
 
-    As it comes it is the thesis's: AUVs at rest, ranges all the time, two thirds of the smallest circle ahead, the Gramian of the squared
-    range unscaled. ``gramian``: ``exact`` is closed form; ``empirical`` central differences by simulation; ``thesis`` exact but for the
-    range's sensitivity to the heading, which (4.6) leaves out. ``motion``: AUVs keep the velocity reported. ``sampling``: ranges come at
-    the next pings, as many as the horizon holds and at least three, for which it is lengthened. ``block``: the Schur complement of the
-    position is what is known of it with the heading unknown. ``noise``: information in units of the sensors' variances, one sample of
-    each per ping; a range's variance becomes that of a squared range at the candidate's root-mean-square distance over the horizon, so that
-    distance alone earns nothing. ``weighting``: weights times the trace of the reported position covariance.
+    The defaults are the thesis's: AUVs at rest, ranges all the time, a horizon of two thirds of
+    the smallest circle, the unscaled Gramian of the squared range. The options depart from it:
 
-    With limits a candidate that breaks one before the next decision, or leaves no circle free, is discarded, and one that breaks one over
-    the horizon if others do not; if all do, the least violating is taken and the status says so.
+    - ``gramian``: ``exact`` is a closed form. ``empirical`` takes central differences of
+      simulations. ``thesis`` is exact but for the range's sensitivity to the heading, which
+      (4.6) leaves out.
+    - ``motion``: AUVs keep the velocity reported.
+    - ``sampling``: ranges come at the next pings, as many as the horizon holds. It is lengthened
+      to hold at least three.
+    - ``block``: the Schur complement of the position is what is known of it while the heading is
+      unknown.
+    - ``noise``: information in units of the sensors' variances, one sample of each per ping. A
+      range's variance becomes that of a squared range at the candidate's root-mean-square
+      distance over the horizon, so that distance alone earns nothing.
+    - ``weighting``: weights times the trace of the reported position covariance.
+
+    Under limits a candidate is discarded if it breaks one before the next decision or leaves no
+    circle free. One that breaks a limit later in the horizon is discarded if others do not. If
+    all candidates break limits, the least violating is taken and the status says so.
     """
 
     condition_label = "κ(W)"
@@ -109,7 +120,8 @@ class GramianHorizon:
             "continuous",
         ):
             raise ValueError(
-                'gramian "empirical" takes AUVs at rest and ranges all the time; for other motion or sampling choose "exact"'
+                'gramian "empirical" takes AUVs at rest and ranges all the time; '
+                'for other motion or sampling choose "exact"'
             )
 
     @property
@@ -143,7 +155,10 @@ class GramianHorizon:
         allowed: ca.SX | None = None,
         otherwise: ca.SX | None = None,
     ) -> Command:
-        """The best of the allowed candidates (all), scores of all being one expression; ``otherwise`` (straight on) if none is regular."""
+        """The best of the allowed candidates, all of them scored by one expression.
+
+        Without ``allowed`` all are; ``otherwise`` (straight on) if no candidate is regular.
+        """
         entries = self._entries(time, pose, targets)
         scores = score_expression(self.metric, entries)
         condition = (
@@ -208,7 +223,10 @@ class GramianHorizon:
     def _scaled(
         self, w11: ca.SX, w12: ca.SX, w13: ca.SX, w22: ca.SX, w23: ca.SX, w33: ca.SX
     ) -> Entries:
-        """Gramian in units of the sensors' variances: with variance 1 the heading adds the horizon T to W33, and W11 + W22 is 4 T d²."""
+        """Gramian in units of the sensors' variances.
+
+        With variance 1 the heading adds the horizon T to W33, and W11 + W22 is 4 T d².
+        """
         horizon, samples = self.look_ahead, self.look_ahead / self.situation.ping_interval
         sigma, squared = self.situation.ranging
         of_squares = horizon if squared else w11 + w22  # a squared range's variance is 4 d² σ²
@@ -245,7 +263,7 @@ class GramianHorizon:
         return ca.sum2(ca.if_else(share > 0, share * scores**power, 0.0)) ** (1 / power)
 
     def _choose_within_limits(self, pose: Pose, auvs: Sequence[Belief], time: float) -> Decision:
-        """The best of the candidates that break limits least: before the next decision, and of these over the horizon."""
+        """The best of the least violating: before the next decision, then over the horizon."""
         first, later = (np.maximum(broken, 0.0) for broken in self._violations(pose, auvs))
         allowed = (first == first.min()) & (later == later[first == first.min()].min())
         straightest = min(self.candidates[allowed], key=abs)
@@ -259,7 +277,10 @@ class GramianHorizon:
     def _violations(
         self, pose: Pose, auvs: Sequence[Belief]
     ) -> tuple[Float[np.ndarray, " K"], Float[np.ndarray, " K"]]:
-        """How far [m] each candidate breaks a limit before the next decision, or without fail after it, and over the horizon."""
+        """How far [m] each candidate breaks a limit: before the next decision, over the horizon.
+
+        The first includes what it cannot avoid after the next decision.
+        """
         cna, rates = self.situation.cna, self.candidates
         state = np.array([pose.x, pose.y, pose.heading])
         ahead, margin = expected(auvs)
@@ -282,7 +303,7 @@ class GramianHorizon:
 def limited_choice(planner: GramianHorizon, n_auvs: int) -> Call:
     """The choice among allowed candidates for a number of AUVs, built once.
 
-    After the beliefs it is given which candidates are allowed, and the turn rate if none is regular.
+    Its arguments are the beliefs, the candidates allowed, and the turn rate if none is regular.
     """
     known = symbols(n_auvs, more=planner.turn_rates + 1)
     allowed, otherwise = known.more[:-1], known.more[-1]

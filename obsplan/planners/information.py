@@ -1,4 +1,4 @@
-"""Information horizon: look ahead at what the AUVs will know, and take the turns after which they know most."""
+"""Information horizon: take the turns after which the AUVs will know most."""
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
@@ -20,13 +20,16 @@ from obsplan.types import Belief, Decision, Pose
 
 @dataclass(frozen=True)
 class InformationHorizon:
-    """Search a tree of constant turns for the least predicted position covariance of the moving AUVs over the horizon.
+    """Search a tree of constant turns for the least predicted position covariance of the AUVs.
 
-    Each AUV's own covariance is predicted with its process noise along its route, ranges coming at the pings, their second-order
-    error counted (`formulations.model.covariance`). The tree has ``stages`` levels of ``turn_rates`` branches, and a beam of ``beam_width``
-    is kept. Where pings are rare a stage lasts from ping to ping and the horizon is that much longer. A turn that breaks a limit, or leaves
-    no circle free to turn on, is discarded; if all do, the least violating is taken and the status says so. ``score`` is the mean over
-    the horizon of the criterion, [m^2] or [-].
+    Each AUV's own covariance is predicted along its route, with its process noise. Ranges come at
+    the pings, and their second-order error is counted (`formulations.model.covariance`). The tree
+    has ``stages`` levels of ``turn_rates`` branches; a beam of ``beam_width`` is kept. Where pings
+    are rare, a stage lasts from ping to ping and the horizon is that much longer.
+
+    A turn that breaks a limit, or leaves no circle free to turn on, is discarded. If all do, the
+    least violating is taken and the status says so. ``score`` is the mean of the criterion over
+    the horizon, [m^2] or [-].
     """
 
     condition_label = ""
@@ -47,7 +50,8 @@ class InformationHorizon:
         check_at_least(self, stages=1, beam_width=1)
         if self.turn_rates < 3 or self.turn_rates % 2 == 0:
             raise ValueError(
-                f"turn_rates must be odd and at least 3, straight on and pairs, got {self.turn_rates}"
+                "turn_rates must be odd and at least 3, straight on and pairs, "
+                f"got {self.turn_rates}"
             )
 
     @property
@@ -127,7 +131,10 @@ class InformationHorizon:
 
 
 def predicted_tracks(auvs: Sequence[Belief], stages: Stages) -> Tracks:
-    """Where the AUVs are expected at the end of each stage, and their mean velocity through the water during it."""
+    """Where the AUVs are expected at the end of each stage, and how they move during it.
+
+    The motion is their mean velocity through the water.
+    """
     ends = np.zeros(stages.duration.size + 1)
     stages.duration.cumsum(out=ends[1:])
     position = np.stack([auv.ahead(ends) for auv in auvs], axis=1)

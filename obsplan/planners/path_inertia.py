@@ -1,4 +1,4 @@
-"""Path inertia: circle so that the path looks equally long from every side of the AUVs (thesis chapter 3)."""
+"""Path inertia: circle so that the path looks equally long from all sides (thesis chapter 3)."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -25,15 +25,18 @@ from obsplan.types import Belief, Decision, Pose
 
 @dataclass(frozen=True)
 class PathInertia:
-    """Turn on the circle that makes the principal moments of inertia about the AUVs most alike, were they at rest (thesis 3.26).
+    """Turn on the circle that makes the principal moments of inertia most alike (thesis 3.26).
 
-    ``difference`` minimises the weighted mean difference of the eigenvalues plus γ (squared centre distance + |radius|), the thesis's
-    rule; ``condition-number`` minimises the weighted mean condition number itself over the curvature, straight ahead included, and has
-    no γ. ``score`` is the weighted mean of κ(J) [-] either way.
+    The moments are those of the path about the AUVs, taken to be at rest. ``difference``, the
+    thesis's rule, minimises the weighted mean difference of the eigenvalues plus
+    γ (squared centre distance + |radius|). ``condition-number`` minimises the weighted mean
+    condition number over the curvature, straight ahead included, and has no γ. ``score`` is the
+    weighted mean of κ(J) [-] either way.
 
-    Without further limits the decision is a closed form, and part of the simulator's step. The limits and the penalty on change make it a
-    convex program, solved anew at each decision by the solver named; where no turn satisfies the limits, the turn without them is taken
-    and the status says so.
+    Without further limits the decision is a closed form, and part of the simulator's step. The
+    limits and the penalty on change make it a convex program, solved at each decision by the
+    solver named. Where no turn satisfies the limits, the turn without them is taken and the
+    status says so.
     """
 
     condition_label = "κ(J)"
@@ -77,7 +80,7 @@ class PathInertia:
             return decide(self, pose, auvs, time)
         return unusable(self.situation.cna, pose, auvs) or self._solve(pose, auvs)
 
-    def closed_form(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002 - the protocol's signature
+    def closed_form(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002
         """The turn rate without limits beyond the vehicle's own."""
         cna = self.situation.cna
         x1, x2 = pose[0] - targets.mean[0, :], pose[1] - targets.mean[1, :]

@@ -19,10 +19,10 @@ PLANNER_STREAM = 2  # of a mission's streams: process, measurement, planner
 
 @dataclass(frozen=True)
 class RandomTurns:
-    """Hold turn rates drawn evenly between the limits, each for the same time, whatever the AUVs do.
+    """Hold turn rates drawn evenly between the limits, each equally long, whatever the AUVs do.
 
-    The draws follow from the seed and the time alone: asked again about the same time, it says the same. There is no score. Outside a
-    mission the default seed is 0.
+    The draws follow from the seed and the time alone: the same time has the same turn, however
+    often it is asked for. There is no score. Outside a mission the default seed is 0.
     """
 
     condition_label = ""
@@ -41,7 +41,7 @@ class RandomTurns:
         return self if self.seed is not None else replace(self, seed=seed)
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
-        """Draw the turn of this time: the generator's counter is the number of turns held before."""
+        """Draw the turn of this time; the generator's counter is the number of turns before."""
         cna = self.situation.cna
         if not np.isfinite([pose.x, pose.y, pose.heading, pose.turn_rate]).all():
             return straight_on(cna, pose, Status.INVALID_INPUT, len(auvs))

@@ -17,7 +17,13 @@ class Stationary:
 
     condition_label = ""
 
-    def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:  # noqa: ARG002 - the protocol's signature
+    def plan(
+        self,
+        pose: Pose,
+        auvs: Sequence[Belief],
+        *,
+        time: float = 0.0,  # noqa: ARG002
+    ) -> Decision:
         """Stop, whatever the AUVs do."""
         here = np.array([[pose.x, pose.y, pose.heading]], dtype=float)
         status = Status.OPTIMAL if np.isfinite(here).all() else Status.INVALID_INPUT
@@ -30,7 +36,7 @@ class Stationary:
             condition=np.full(len(auvs), np.nan),
         )
 
-    def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002 - the protocol's signature
+    def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002
         """Speed and turn rate zero."""
         return Command(
             ca.SX(0.0),

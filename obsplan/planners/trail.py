@@ -16,9 +16,10 @@ from obsplan.types import Belief, Decision, Pose
 
 @dataclass(frozen=True)
 class Trail:
-    """Keep a place behind, or to the left of, the AUVs' weighted centroid and mean heading, as slowly as that takes.
+    """Keep a place behind, or left of, the AUVs' weighted centroid, as slowly as that takes.
 
-    The velocity wanted is the centroid's plus the way to the place over the time the vehicle needs for a look-ahead. ``score`` is the
+    Behind and left refer to their mean heading. The velocity wanted is the centroid's plus the
+    way to the place, divided by the time the vehicle needs for a look-ahead. ``score`` is the
     squared distance from the place [m^2].
     """
 
@@ -41,7 +42,7 @@ class Trail:
         """Steer to the place."""
         return decide(self, pose, auvs, time)
 
-    def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002 - the protocol's signature
+    def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002
         """Turn rate and speed of a pursuit of the place."""
         cna = self.situation.cna
         share = targets.weight / ca.sum1(targets.weight)

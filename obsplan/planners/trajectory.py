@@ -1,4 +1,4 @@
-"""Trajectory: optimise the turns over a receding horizon, under limits on where the aid vehicle may be."""
+"""Trajectory: optimise the turns over a receding horizon, under limits on position."""
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, replace
@@ -28,28 +28,36 @@ from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
-LEAST_PINGS = 6  # within the horizon, however rare they are: over half as many it does not pay to come near, and the vehicle drifts away
+# Within the horizon, however rare pings are. With half as many it does not pay to come near, and
+# the vehicle moves away.
+LEAST_PINGS = 6
 
 Objective = Literal["covariance", "log-det", "smallest-eigenvalue", "condition-number"]
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Optimise the turns of the next stages by nonlinear programming and take the first (`formulations.trajectory`).
+    """Optimise the turns of the next stages by nonlinear programming and take the first.
 
-    ``covariance`` minimises the time mean of the trace of each AUV's predicted position covariance [m^2], as `InformationHorizon` does. The
-    others score the position block of each AUV's Gramian of the squared range over the horizon, which grows with distance: limit the
-    separation. ``score`` is the weighted mean over AUVs of the trace, of -log det, of -log λmin, or of log((κ + 1)²/4κ).
+    The program is `formulations.trajectory`. The criterion ``covariance`` minimises the time mean
+    of the trace of each AUV's predicted position covariance [m^2], as `InformationHorizon` does.
+    The other criteria score the position block of each AUV's Gramian of the squared range over
+    the horizon. It grows with distance: limit the separation. ``score`` is the weighted mean over
+    AUVs of the trace, of -log det, of -log λmin, or of log((κ + 1)²/4κ).
 
-    Stages last a multiple of the time between decisions and begin at multiples of that, so that the rest of a trajectory is one that can be
-    followed; the present one may have begun. Every trajectory leaves one of the smallest circles at its end free of keep-outs and within
-    the geofence, so that there is always one to follow. Where limits cannot be kept they are softened, and the status says so; it also
-    says which rung of the ladder the trajectory is from.
+    Stages begin and end at multiples of a multiple of the decision interval, so that the rest of
+    a trajectory can be followed. The first is what is left of the present stage.
 
-    Separations are kept from where AUVs are expected, with a margin for not knowing where they are and for what they may stray in a stage.
+    Every trajectory ends with a terminal safe set: one of the smallest circles at its end is
+    within the geofence and free of keep-outs, so that there is always a path to follow. Limits
+    that cannot be kept are softened, and the status says so. It also says which rung of the
+    ladder of fallbacks the trajectory is from.
 
-    A planner remembers its last trajectory to start from, as long as time goes on: asked again at the same time or an earlier one, or
-    later than the trajectory lasts, it starts afresh.
+    Separations are kept from where AUVs are expected. A margin covers the uncertainty of their
+    positions and how far they may stray in a stage.
+
+    The warm start is the planner's last trajectory, as long as time goes on. Asked about the same
+    time again, about an earlier one, or about one after the trajectory's end, it starts afresh.
     """
 
     situation: Situation
@@ -146,7 +154,10 @@ class Trajectory:
         )
 
     def _durations(self, time: float) -> np.ndarray:
-        """Stages that last a multiple of the decision interval and end at multiples of that; the first is the rest of the present one."""
+        """Durations [s] of stages that end at multiples of a multiple of the decision interval.
+
+        The first is the rest of the present stage.
+        """
         horizon = self.horizon
         if self.objective == "covariance":
             horizon = max(horizon, LEAST_PINGS * self.situation.ping_interval)
@@ -245,10 +256,11 @@ class _Plan(NamedTuple):
     ends: np.ndarray  # of its stages [s]
     turn_rates: np.ndarray
     speeds: np.ndarray
-    side: float  # of the circle that is free at its end: 1 left, -1 right; 0: no limits, the last turn is held
+    # Of the circle that is free at the end: 1 left, -1 right; 0: no limits, the last turn is held.
+    side: float
 
     def shifted(self, time: float, durations: np.ndarray, cna: Unicycle) -> Controls | None:
-        """What is left of it on new stages, and then the free circle; None if it is not of the immediate past."""
+        """What is left of it on new stages, then the free circle; None if it is not recent."""
         if not self.time < time < self.ends[-1]:
             return None
         middles = time + np.cumsum(durations) - durations / 2

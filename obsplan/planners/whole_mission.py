@@ -1,4 +1,4 @@
-"""Whole mission: plan all turns before it begins, by optimisation from many starts, and follow them."""
+"""Whole mission: plan all turns before it begins, by a multi-start, and follow them."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -26,9 +26,11 @@ from obsplan.vehicles import Unicycle
 MOST_TURNS = 400  # of a mission
 ON_PLAN = 1e-3  # [m], [rad]; a vehicle nearer than that to where its plan has it follows it
 KEPT = 64  # plans of one planner
-PLACES = 9  # decimals [m], [m/s]: the same world seen from other axes is the same problem to the last bit
+# Decimals [m], [m/s]: the same world seen from other axes is the same problem to the last bit.
+PLACES = 9
 Progress = Callable[[int, int], None]
-MARGIN = 0.05  # kept from limits, in smallest turning radii: what a penalty leaves of a violation is less
+# Kept from limits, in smallest turning radii: what a penalty leaves of a violation is less.
+MARGIN = 0.05
 
 
 def untold(_done: int, _all: int) -> None:
@@ -37,18 +39,27 @@ def untold(_done: int, _all: int) -> None:
 
 @dataclass(frozen=True)
 class WholeMission:
-    """Choose the turns of the whole mission at once for the least time mean of the AUVs' predicted position variance.
+    """Choose all turns of the mission at once for the least mean predicted position variance.
 
-    Planned once, from the surveys as filed, before the mission begins, and followed open loop: no estimate changes it, nor does a
-    mission's noise. Each turn is held for ``segment``. Of ``starts`` descents along exact gradients, from the receding horizon's way,
-    orbits, constant and random turns, and the best itself shaken, the best local optimum is taken (`formulations.whole_mission`). Limits
-    hold for the surveys as filed, separations with a margin for AUVs that stray from them (`Limits`); if no descent keeps them, the least
-    violating is taken and the status says so. A vehicle that is not where the plan has it, as after going straight on for a pose or a
-    belief that was not finite, gets a plan of its own for the rest of the mission, as if it began there. ``score`` is the mean weighted
-    position variance [m^2].
+    The mean is over time. The plan is made once, from the surveys as filed, before the mission
+    begins. It is followed open loop: neither an estimate nor a mission's noise changes it. Each
+    turn is held for ``segment``.
 
-    All is planned at the first decision, or when the mission is prepared (`prepare`): measured for two AUVs, one processor takes 4 to 7 s
-    per thousand time steps of the mission, 12 s under limits.
+    A multi-start of ``starts`` descents along exact gradients finds it
+    (`formulations.whole_mission`). They start from the receding horizon's route, from orbits,
+    from constant and random turns, and from the best plan itself, shaken. The best local optimum
+    is taken.
+
+    Limits hold for the surveys as filed, separations with a margin for AUVs that stray from them
+    (`Limits`). If no descent keeps them, the least violating is taken and the status says so.
+
+    A vehicle that is not where the plan has it gets a plan of its own for the rest of the
+    mission, as if it began there. That happens after going straight on for a pose or a belief
+    that was not finite. ``score`` is the mean weighted position variance [m^2].
+
+    All is planned at the first decision, or when the mission is prepared (`prepare`). Measured
+    for two AUVs, one processor takes 4 to 7 s per thousand time steps of the mission, 12 s under
+    limits.
     """
 
     condition_label = ""
@@ -57,7 +68,8 @@ class WholeMission:
     _: KW_ONLY
     segment: Annotated[
         float | None,
-        "time a turn is held [s]; default: up to half the time between ranges, longer in long missions",
+        "time a turn is held [s]; default: up to half the time between ranges, "
+        "longer in long missions",
     ] = None
     starts: Annotated[int, "descents, at least 1"] = 24
     search_seed: Annotated[int, "of the descents' random turns, at least 0"] = 1
@@ -82,7 +94,8 @@ class WholeMission:
             )
         if segment < self._least_segment * (1 - ROUNDING):
             raise ValueError(
-                f"segment must be at least {self._least_segment:.6g} s in a mission of this length, "
+                f"segment must be at least {self._least_segment:.6g} s "
+                "in a mission of this length, "
                 f"got {segment} s"
             )
 
@@ -113,7 +126,7 @@ class WholeMission:
 
     @property
     def turn_duration(self) -> float:
-        """Time each turn is held [s]: two between ranges take the vehicle to any place it can reach."""
+        """Time [s] each turn is held; two between ranges reach any place that can be reached."""
         if self.segment is not None:
             return self.segment
         interval = self.situation.decision_interval
@@ -128,7 +141,7 @@ class WholeMission:
         return self.open_loop(pose, time=time).decision(pose, time, len(auvs))
 
     def prepare(self, pose: Pose, progress: Progress) -> None:
-        """Plan the mission from its start on, and tell meanwhile how much of that is (done, in all)."""
+        """Plan the mission from its start and report the progress (done, in all)."""
         self.open_loop(pose, progress=progress)
 
     def open_loop(
@@ -202,12 +215,18 @@ class Plans:
 
 @lru_cache(maxsize=8)
 def plans_of(planner: WholeMission) -> Plans:  # noqa: ARG001 - the key
-    """What equal planners of this process remember: missions that differ in noise fly the same plan."""
+    """What equal planners of this process remember.
+
+    Missions that differ in noise fly the same plan.
+    """
     return Plans()
 
 
 def frame_at(pose: Pose, filed: Filed) -> Frame:
-    """The vehicle's frame, abeam counted to the side where the AUVs are: worlds that are each other's mirror images look the same."""
+    """The vehicle's frame, abeam counted to the side where the AUVs are.
+
+    Worlds that are each other's mirror images look the same in it.
+    """
     frame = Frame(np.array([pose.x, pose.y]), pose.heading)
     to_the_left = frame.positions(filed.position.mean(axis=0))[:, 1] @ filed.weights
     return frame._replace(mirror=-1.0 if to_the_left < -(10.0**-PLACES) else 1.0)
@@ -223,9 +242,10 @@ def seen_covariances(frame: Frame, P: Float[np.ndarray, "M 4 4"]) -> Float[np.nd
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """How far positions in the vehicle's frame break the limits at times since a sample, the AUVs being near where they filed to be.
+    """How far positions in the vehicle's frame break the limits at times since a sample.
 
-    Separations have a margin of three standard deviations (`SURE`) of how far an AUV has strayed by then (`Filed.straying`).
+    The AUVs are near where they filed to be. Separations have a margin of three standard
+    deviations (`SURE`) of how far an AUV has strayed by then (`Filed.straying`).
     """
 
     planner: WholeMission
@@ -235,7 +255,10 @@ class Limits:
     def __call__(
         self, positions: Float[np.ndarray, "*batch 2"], time: Float[np.ndarray, " *samples"]
     ) -> Float[np.ndarray, "*batch"]:
-        """Violation [m]; half the way of each vehicle between two samples is added, so that nothing between them is missed."""
+        """Violation [m]; half of each vehicle's way between two samples is added.
+
+        So nothing between the samples is missed.
+        """
         limits, filed, world = (
             self.planner.constraints,
             self.planner.filed,
@@ -280,7 +303,7 @@ class OpenLoopPlan:
         return bool(np.hypot(x - pose.x, y - pose.y) < ON_PLAN and abs(turned) < ON_PLAN)
 
     def poses(self, pose: Pose, begin: float, end: float) -> Float[np.ndarray, "some 3"]:
-        """Poses (east, north, heading) at the ends of the turns between two times, from a pose on."""
+        """Poses (east, north, heading) at the ends of the turns between two times, from a pose."""
         edges = self.begin + np.arange(1, self.turn_rates.size) * self.duration
         times = np.concatenate(
             [

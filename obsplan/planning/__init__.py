@@ -1,1 +1,1 @@
-"""What planners are made of: what they are told, what they may offer, expressions, limits and fallbacks."""
+"""What planners are made of: what they are told and may offer, expressions, limits, fallbacks."""

@@ -26,7 +26,9 @@ def check_choices(planner: object) -> None:
 
 
 def check_positive(planner: object, **units: str) -> None:
-    """Refuse a field that is not positive and finite; None is no value. Each is named with its unit.
+    """Refuse a field that is not positive and finite; None passes.
+
+    ``units`` names each field with its unit.
 
     Raises
     ------

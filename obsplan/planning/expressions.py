@@ -39,7 +39,7 @@ class Targets(NamedTuple):
 
 
 class Command(NamedTuple):
-    """A decision as expressions; ``condition`` has one entry per AUV, nan where the planner has none."""
+    """A decision as expressions; ``condition`` has one entry per AUV, nan if it is unknown."""
 
     turn_rate: ca.SX
     speed: ca.SX

@@ -15,7 +15,7 @@ PATH_POINTS = 21  # poses in a predicted path
 
 
 def unusable(cna: Unicycle, pose: Pose, auvs: Sequence[Belief]) -> Decision | None:
-    """Go straight on where no AUV has a weight, or a pose or a mean is not finite; None if all is well."""
+    """Go straight on where no AUV has a weight, or a pose or a mean is not finite; else None."""
     if not any(auv.weight > 0 for auv in auvs):
         return straight_on(cna, pose, Status.NO_TARGETS, len(auvs))
     known = [[pose.x, pose.y, pose.heading, pose.turn_rate], *(auv.mean for auv in auvs)]

@@ -11,7 +11,10 @@ from obsplan.types import Belief
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Filed:
-    """Surveys as filed, sampled at the mission's instants, and how well the AUVs know themselves; equal where all numbers are."""
+    """Surveys as filed, sampled at the mission's instants, and the AUVs' own uncertainty.
+
+    Two are equal where all their numbers are.
+    """
 
     time: Float[np.ndarray, " samples"]  # [s], in equal steps from 0 to the mission's end
     position: Float[np.ndarray, "samples auvs 2"]  # [m]
@@ -28,7 +31,8 @@ class Filed:
     def __post_init__(self) -> None:
         if self.time.size < 2:
             raise ValueError(
-                f"a mission needs at least two instants, got {self.time.size}: give it a duration of at least one time step"
+                f"a mission needs at least two instants, got {self.time.size}: "
+                "give it a duration of at least one time step"
             )
 
     @property
@@ -60,10 +64,12 @@ class Filed:
 
     @cached_property
     def straying(self) -> Float[np.ndarray, "samples auvs"]:
-        r"""Standard deviation [m] of how far each AUV is from where it filed to be, in the direction in which it is greatest.
+        r"""Standard deviation [m] of how far each AUV has strayed from where it filed to be.
 
-        It steers back to its heading and speed at every sample, but not to its line: what moved it stays, an error of heading or speed
-        lasts a step. With the process noise's :math:`σ_p, σ_ψ, σ_V` and the speed V, the variance along or across its course is at most
+        It is that of the direction in which it is greatest. The AUV steers back to its heading
+        and speed at every sample, but not to its line. So what moved it stays, and an error of
+        heading or speed lasts a step. With the process noise's :math:`σ_p, σ_ψ, σ_V` and the
+        speed V, the variance along or across its course is at most
 
         .. math:: σ^2(t) = \int_0^t σ_p^2 + Δt^2 \max(V^2 σ_ψ^2, σ_V^2) \, dt.
         """
@@ -74,7 +80,7 @@ class Filed:
 
     @cached_property
     def strides(self) -> Float[np.ndarray, "samples auvs"]:
-        """How far [m] each AUV files to move in the step before a sample or in that after it, whichever is farther."""
+        """How far [m] each AUV files to move in the step before or after a sample, at most."""
         moves = np.pad(np.linalg.norm(np.diff(self.position, axis=0), axis=-1), ((1, 1), (0, 0)))
         return np.maximum(moves[:-1], moves[1:])
 

@@ -27,7 +27,7 @@ class Planner(Protocol):
     """Anything that turns what is known of the AUVs into the aid vehicle's next manoeuvre."""
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
-        """Choose turn rate and speed to hold until the next decision, at a time [s] of the mission."""
+        """Choose turn rate and speed from a time [s] of the mission until the next decision."""
         ...
 
 
@@ -94,7 +94,10 @@ class HasExpression(Planner, Protocol):
 
 @runtime_checkable
 class HasCommands(Planner, Protocol):
-    """Has fixed every command beforehand: they are flown whatever limits there are, and ``plan`` is not called."""
+    """Has fixed every command beforehand.
+
+    They are flown whatever limits there are, and ``plan`` is not called.
+    """
 
     @property
     def commands(self) -> Float[np.ndarray, "steps 2"]:

@@ -1,4 +1,4 @@
-"""Keep to the scenario's limits: where AUVs are expected for them, and how planners that know no limits are kept within them."""
+"""Keep planners that know no limits within the scenario's, and say where AUVs are expected."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -13,7 +13,7 @@ from obsplan.planning.fallback import predict_path
 from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
 
-SURE = 3.0  # standard deviations of an AUV's position by which separations are kept more than the limits say
+SURE = 3.0  # standard deviations of an AUV's position, added to separations
 CANDIDATES = 21  # turns tried in place of one that breaks a limit
 
 Expected = Callable[[Float[np.ndarray, " T"]], Float[np.ndarray, "T M 2"]]
@@ -45,9 +45,11 @@ def within_limits(
     auvs: Sequence[Belief],
     situation: Situation,
 ) -> Decision:
-    """Replace a manoeuvre that breaks a limit before the next decision, or leaves no circle to turn on, by the nearest turn that does not.
+    """Replace a manoeuvre that breaks a limit by the nearest turn that breaks none.
 
-    If every turn does, the least violating one is taken. The status says which. Beliefs that are not finite count for nothing.
+    A manoeuvre breaks one before the next decision, or by leaving no circle to turn on. If every
+    turn does, the least violating one is taken. The status says which. Beliefs that are not
+    finite count for nothing.
     """
     state = np.array([pose.x, pose.y, pose.heading])
     if not np.isfinite(state).all():

@@ -15,7 +15,7 @@ METRE = Ranging(sigma=1.0, squared=False)
 
 @dataclass(frozen=True)
 class Situation:
-    """Vehicle, ranging, schedule, limits and surveys that a planner plans for; a scenario builds it.
+    """Vehicle, ranging, schedule, limits and surveys to plan for; a scenario builds it.
 
     Written by hand it needs the vehicle alone. The other values are then those that a scenario has
     where it does not say, without limits and surveys.

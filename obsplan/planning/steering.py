@@ -6,7 +6,7 @@ from obsplan.vehicles import Unicycle
 
 
 def look_ahead(cna: Unicycle) -> float:
-    """Distance [m] over which errors of course and of place are corrected: the smallest turning diameter."""
+    """Distance [m] over which errors of course and place are corrected: the turning diameter."""
     return 2.0 * cna.min_turn_radius
 
 
@@ -18,7 +18,10 @@ def turn_toward(
     turning: ca.SX | float = 0.0,
     speed: ca.SX | None = None,
 ) -> ca.SX:
-    """Turn rate [rad/s] onto a course that itself turns at a rate, within the limit at the speed (default: cruising) [m/s]."""
+    """Turn rate [rad/s] onto a course that itself turns at a rate.
+
+    It keeps within the limit at the speed [m/s], by default the cruising speed.
+    """
     error = course - heading
     correction = cna.speed / look_ahead(cna) * ca.atan2(ca.sin(error), ca.cos(error))
     limit = (cna.speed if speed is None else speed) / cna.min_turn_radius

@@ -23,7 +23,7 @@ class FixedPath:
     commands: Float[np.ndarray, "steps 2"]  # turn rate [rad/s] and speed [m/s] over each time step
     time_step: float  # [s]
 
-    def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:  # noqa: ARG002 - the protocol's signature
+    def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:  # noqa: ARG002
         """Look up the command of a time."""
         step = min(round(time / self.time_step), len(self.commands) - 1)
         turn_rate, speed = self.commands[step].tolist()

@@ -101,7 +101,7 @@ class EulerHorizon:
             self.situation.cna.max_turn_rate, -self.situation.cna.max_turn_rate, self.turn_rates
         )
 
-    def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002 - the protocol's signature
+    def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002
         """The best candidate."""
         east, north = pose[0] - targets.mean[0, :], pose[1] - targets.mean[1, :]
         c, s = ca.cos(pose[2]), ca.sin(pose[2])
