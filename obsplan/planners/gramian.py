@@ -18,7 +18,7 @@ from formulations.model.casadi import Call
 from formulations.model.frames import to_body
 from formulations.model.schedule import time_to_next
 from formulations.solution import Status
-from obsplan.constraints import Constraints, first_move_violation
+from obsplan.constraints import Constraints
 from obsplan.planning.candidates import first_of_the_best
 from obsplan.planning.checks import check_at_least, check_choices, check_positive
 from obsplan.planning.expressions import (
@@ -31,7 +31,7 @@ from obsplan.planning.expressions import (
     symbols,
 )
 from obsplan.planning.fallback import unusable
-from obsplan.planning.limits import expected
+from obsplan.planning.limits import LimitsAhead
 from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
 
@@ -283,20 +283,11 @@ class GramianHorizon:
         """
         cna, rates = self.situation.cna, self.candidates
         state = np.array([pose.x, pose.y, pose.heading])
-        ahead, margin = expected(auvs)
-        first = first_move_violation(
-            self.constraints,
-            state,
-            rates,
-            speed=cna.speed,
-            radius=cna.min_turn_radius,
-            interval=self.situation.decision_interval,
-            auvs=ahead,
-            margin=margin,
-        )
+        limits = LimitsAhead(self.situation, auvs)
         times = self.look_ahead * np.arange(1, HORIZON_POINTS + 1) / HORIZON_POINTS
         positions = arcs(state, rates, cna.speed, times)[..., :2]
-        return first, self.constraints.violation(positions, ahead(times), margin).max(axis=-1)
+        first = limits.first_move(state, rates, cna.speed)
+        return first, limits.along(positions, times).max(axis=-1)
 
 
 @lru_cache(maxsize=16)

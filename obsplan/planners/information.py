@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -10,10 +10,10 @@ from formulations.beam_search import search_manoeuvres, turn_candidates
 from formulations.model.covariance import Tracks
 from formulations.model.schedule import Stages, ping_stages
 from formulations.solution import Status
-from obsplan.constraints import Constraints, first_move_violation
+from obsplan.constraints import Constraints
 from obsplan.planning.checks import check_at_least, check_choices, check_positive
 from obsplan.planning.fallback import straight_on, unusable
-from obsplan.planning.limits import expected
+from obsplan.planning.limits import LimitsAhead
 from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
 
@@ -69,20 +69,15 @@ class InformationHorizon:
         if not np.isfinite(covariance).all():
             return straight_on(cna, pose, Status.INVALID_INPUT, len(auvs))
         stages = ping_stages(time, self.situation.ping_interval, self.horizon, self.stages)
-        state, turn_rates = (
-            np.array([pose.x, pose.y, pose.heading]),
-            turn_candidates(cna.max_turn_rate, self.turn_rates),
-        )
+        state = np.array([pose.x, pose.y, pose.heading])
+        turn_rates = turn_candidates(cna.max_turn_rate, self.turn_rates)
+        noises = [auv.process_noise for auv in auvs]
+        limits = LimitsAhead(self.situation, auvs) if self.constraints else None
         best = search_manoeuvres(
             state,
             covariance,
             tracks=predicted_tracks(auvs, stages),
-            process_noise=np.array(
-                [
-                    [noise[0], noise[0], noise[1], noise[2]]
-                    for noise in (auv.process_noise for auv in auvs)
-                ]
-            ),
+            process_noise=np.array(noises)[:, [0, 0, 1, 2]],
             weights=np.array([auv.weight for auv in auvs], dtype=float),
             stages=stages,
             turn_rates=turn_rates,
@@ -90,7 +85,10 @@ class InformationHorizon:
             ranging=self.situation.ranging,
             criterion=self.criterion,
             beam_width=self.beam_width,
-            **self._limits(state, turn_rates, auvs),
+            violation=None if limits is None else limits.along,
+            first_violation=None
+            if limits is None
+            else limits.first_move(state, turn_rates, cna.speed),
         )
         if not np.isfinite(best.objective):  # a current or a process noise is no number
             return straight_on(cna, pose, Status.INVALID_INPUT, len(auvs))
@@ -104,30 +102,6 @@ class InformationHorizon:
             status=best.status,
             condition=nothing,
         )
-
-    def _limits(
-        self, state: np.ndarray, turn_rates: np.ndarray, auvs: Sequence[Belief]
-    ) -> dict[str, Any]:
-        """The constraints as the search takes them; none cost nothing."""
-        if not self.constraints:
-            return {}
-        ahead, margin = expected(auvs)
-        first = first_move_violation(
-            self.constraints,
-            state,
-            turn_rates,
-            speed=self.situation.cna.speed,
-            radius=self.situation.cna.min_turn_radius,
-            interval=self.situation.decision_interval,
-            auvs=ahead,
-            margin=margin,
-        )
-        return {
-            "violation": lambda positions, times: self.constraints.violation(
-                positions, ahead(times), margin
-            ),
-            "first_violation": first,
-        }
 
 
 def predicted_tracks(auvs: Sequence[Belief], stages: Stages) -> Tracks:

@@ -23,7 +23,7 @@ from obsplan.constraints import Constraints, Disc, Polygon, loiter_violation
 from obsplan.planning.checks import check_at_least, check_choices, check_positive
 from obsplan.planning.fallback import straight_on, unusable
 from obsplan.planning.interface import Progress
-from obsplan.planning.limits import SURE, expected
+from obsplan.planning.limits import SURE, LimitsAhead, margins
 from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
@@ -193,7 +193,7 @@ class Trajectory:
             speeds=speeds,
             covariance=np.array([auv.covariance for auv in auvs]),
             process_noise=noise[:, [0, 0, 1, 2]],
-            spread=np.hypot(expected(auvs)[1], SURE * growth * np.sqrt(durations[-1])),
+            spread=np.hypot(margins(auvs), SURE * growth * np.sqrt(durations[-1])),
             weights=np.array([auv.weight for auv in auvs], dtype=float),
             ranging=self.situation.ranging,
             areas=self._areas,
@@ -228,14 +228,10 @@ class Trajectory:
 
     def _limits(self, auvs: Sequence[Belief]) -> PathLimits:
         """The constraints, the AUVs being where they are expected."""
-        ahead, margin = expected(auvs)
+        limits, radius = self.constraints, self.situation.cna.min_turn_radius
         return PathLimits(
-            along=lambda positions, times: self.constraints.violation(
-                positions, ahead(times), margin
-            ),
-            terminal=lambda poses: loiter_violation(
-                self.constraints, poses, self.situation.cna.min_turn_radius
-            ),
+            along=LimitsAhead(self.situation, auvs).along,
+            terminal=lambda poses: loiter_violation(limits, poses, radius),
         )
 
 

@@ -1,6 +1,6 @@
 """Keep planners that know no limits within the scenario's, and say where AUVs are expected."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -16,27 +16,55 @@ from obsplan.types import Belief, Decision, Pose
 SURE = 3.0  # standard deviations of an AUV's position, added to separations
 CANDIDATES = 21  # turns tried in place of one that breaks a limit
 
-Expected = Callable[[Float[np.ndarray, " T"]], Float[np.ndarray, "T M 2"]]
 
+class LimitsAhead:
+    """The limits from now on, the AUVs being where they are expected."""
 
-def expected(auvs: Sequence[Belief]) -> tuple[Expected, Float[np.ndarray, " M"]]:
-    """Where AUVs are expected [m] at times from now [s], and the margin [m] to keep from each.
+    def __init__(self, situation: Situation, auvs: Sequence[Belief]) -> None:
+        self.situation = situation
+        self.auvs = auvs
+        self.margin = margins(auvs)
 
-    The margin is for not knowing where it is; none where that is unknown, too.
-    """
-    var_east, covariance, var_north = (
-        np.array([auv.covariance[[0, 0, 1], [0, 1, 1]] for auv in auvs]).reshape(-1, 3).T
-    )
-    largest = (var_east + var_north) / 2 + np.hypot((var_east - var_north) / 2, covariance)
+    def expected(self, times: Float[np.ndarray, " T"]) -> Float[np.ndarray, "T M 2"]:
+        """Where AUVs are expected [m] at times from now [s]."""
+        positions = np.empty((len(times), len(self.auvs), 2))
+        for k, auv in enumerate(self.auvs):
+            positions[:, k] = auv.ahead(times)
+        return positions
 
-    def ahead(times):
-        return (
-            np.array([auv.ahead(times) for auv in auvs])
-            .reshape(len(auvs), len(times), 2)
-            .swapaxes(0, 1)
+    def along(
+        self, positions: Float[np.ndarray, "*batch T 2"], times: Float[np.ndarray, " T"]
+    ) -> Float[np.ndarray, "*batch T"]:
+        """How far [m] positions at times from now [s] break a limit, 0 where they keep all."""
+        limits = self.situation.constraints
+        return limits.violation(positions, self.expected(times), self.margin)
+
+    def first_move(
+        self,
+        state: Float[np.ndarray, "3"],
+        turn_rates: Float[np.ndarray, " K"],
+        speed: float,
+    ) -> Float[np.ndarray, " K"]:
+        """How far [m] each turn breaks a limit before the next decision, or without fail after it."""
+        return first_move_violation(
+            self.situation.constraints,
+            state,
+            turn_rates,
+            speed=speed,
+            radius=self.situation.cna.min_turn_radius,
+            interval=self.situation.decision_interval,
+            auvs=self.expected,
+            margin=self.margin,
         )
 
-    return ahead, SURE * np.sqrt(np.where(np.isfinite(largest), np.maximum(largest, 0.0), 0.0))
+
+def margins(auvs: Sequence[Belief]) -> Float[np.ndarray, " M"]:
+    """The distance [m] kept from each AUV for not knowing where it is; none if that is unknown, too."""
+    blocks = np.array([auv.covariance[:2, :2] for auv in auvs]).reshape(-1, 2, 2)
+    var_east, covariance, var_north = blocks[:, 0, 0], blocks[:, 0, 1], blocks[:, 1, 1]
+    largest = (var_east + var_north) / 2 + np.hypot((var_east - var_north) / 2, covariance)
+    known = np.where(np.isfinite(largest), np.maximum(largest, 0.0), 0.0)
+    return SURE * np.sqrt(known)
 
 
 def within_limits(
@@ -57,18 +85,8 @@ def within_limits(
     cna = situation.cna
     limit = wanted.speed / cna.min_turn_radius
     turn_rates = np.concatenate([[wanted.turn_rate], np.linspace(limit, -limit, CANDIDATES)])
-    ahead, margin = expected([auv for auv in auvs if np.isfinite(auv.mean).all()])
-    violation = first_move_violation(
-        situation.constraints,
-        state,
-        turn_rates,
-        speed=wanted.speed,
-        radius=cna.min_turn_radius,
-        interval=situation.decision_interval,
-        auvs=ahead,
-        margin=margin,
-    )
-    broken = np.maximum(violation, 0.0)
+    limits = LimitsAhead(situation, [auv for auv in auvs if np.isfinite(auv.mean).all()])
+    broken = np.maximum(limits.first_move(state, turn_rates, wanted.speed), 0.0)
     if broken[0] == 0:
         return wanted
     k = np.lexsort((abs(turn_rates - wanted.turn_rate), broken))[0]
