@@ -312,3 +312,11 @@ def test_constraints_of_a_scenario_are_those_of_its_file():
 def test_constraints_that_make_no_sense_are_refused_by_place_and_value(table, message):
     with pytest.raises(op.ObsplanError, match=message):
         scenario(constraints=table)
+
+
+def test_history_of_separations_is_how_far_each_is_beyond_its_limit():
+    limits = Constraints(min_separation=5.0, max_separation=60.0)
+    distance = np.array([[4.0, 5.0, 20.0, 63.0]])
+    least, greatest = limits.histories(np.zeros((4, 2)), distance, ["a"])
+    np.testing.assert_array_equal(least.violation, [1.0, 0.0, -15.0, -58.0])
+    np.testing.assert_array_equal(greatest.violation, [-56.0, -55.0, -40.0, 3.0])
