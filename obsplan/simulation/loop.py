@@ -175,8 +175,8 @@ class ClosedLoop:
         """What the planner is told of each AUV."""
         scenario, now = self.scenario, float(inputs.time[k].item())
         knowledge = scenario.table.planner.knowledge
-        known = {"survey": inputs.survey, "truth": carry.truth}.get(knowledge, carry.reported)
-        means = known[k, :, :BASIC]
+        told = {"survey": inputs.survey, "truth": carry.truth}.get(knowledge, carry.reported)
+        means = told[k, :, :BASIC]
         covariances = unpack_array(carry.reported_covariance[k])[:, :BASIC, :BASIC]
         routes = [
             None if knowledge == "estimate" else route(*known, now)
