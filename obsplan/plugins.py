@@ -1,7 +1,8 @@
-"""Classes by the names that scenarios have for them: those of a folder's table, or a user's own as ``"package.module:Class"``.
+"""Classes by the names that scenarios have for them: a folder's own, or ``"package.module:Class"``.
 
-A user's class comes from a module that Python can import, or from one in the current folder, as with ``python -m``. Nothing is ever
-executed because it lies beside a scenario file. Naming a class runs its module: read a stranger's scenario before you run it.
+A user's class comes from a module that Python can import, or from one in the current folder, as
+with ``python -m``. Nothing is ever executed because it lies beside a scenario file. Naming a class
+runs its module: read a stranger's scenario before you run it.
 """
 
 import os
@@ -40,7 +41,8 @@ def checked_class(kind: str, needs: tuple[str, ...]) -> type[Any]:
     cls = loaded(kind)
     if not is_dataclass(cls):
         raise ValueError(
-            "is no dataclass; write @dataclass above the class: its fields become the keys of this table"
+            "is no dataclass; write @dataclass above the class: "
+            "its fields become the keys of this table"
         )
     present = {*dir(cls), *(field.name for field in fields(cls))}
     missing = [need for need in needs if need not in present]
@@ -105,13 +107,14 @@ def kind_of_object(given: object, known: Mapping[str, type[Any]]) -> str:
             return kind
     if "<locals>" in cls.__qualname__:
         raise ValueError(
-            f"{cls.__name__} is made inside a function, where no file can name it; move it to the top of its module"
+            f"{cls.__name__} is made inside a function, where no file can name it; "
+            "move it to the top of its module"
         )
     return f"{cls.__module__}{SEPARATOR}{cls.__qualname__}"
 
 
 def fingerprint(kinds: list[str]) -> str:
-    """SHA-256 of the files that hold users' classes, and the classes these are made of; what their modules import is not in it."""
+    """SHA-256 of the files that hold users' classes and their base classes, not of what they import."""
     files = {
         getsourcefile(base)
         for kind in kinds

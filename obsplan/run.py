@@ -44,9 +44,10 @@ class Timing:
 class Run:
     """One mission as recorded; errors, consistency and bounds are derived.
 
-    Frames: local east/north [m], heading [rad] counter-clockwise from east. Axes: AUV, time sample (from 0), state: east, north,
-    heading, speed through the water [m/s], and what more `Scenario.truth_states` and `Scenario.filter_states` name. Commands, scores
-    and conditions hold from their sample on; they are nan where no decision was due.
+    Frames: local east/north [m], heading [rad] counter-clockwise from east. Axes: AUV, time sample
+    (from 0), state: east, north, heading, speed through the water [m/s], and what more
+    `Scenario.truth_states` and `Scenario.filter_states` name. Commands, scores and conditions hold
+    from their sample on; they are nan where no decision was due.
     """
 
     scenario: Scenario
@@ -154,8 +155,9 @@ class Run:
 
     @cached_property
     def cramer_rao(self) -> Float[np.ndarray, "auvs samples n n"]:
-        """Posterior Cramér-Rao bound of the true states along the true path, from their first covariance and the assumed process noise.
+        """Posterior Cramér-Rao bound of the true states along the true path.
 
+        It begins with their first covariance and counts the process noise that the filter assumes.
         A filter that has to find out more than these states cannot reach it.
         """
         J = np.repeat(self._compass_information()[None], len(self.names), axis=0)
@@ -182,7 +184,8 @@ class Run:
         if sensor in GAINS:
             return ""
         return (
-            f"no bound over all paths is known for the ranging {sensor.__module__}:{sensor.__qualname__}; "
+            "no bound over all paths is known for the ranging "
+            f"{sensor.__module__}:{sensor.__qualname__}; "
             "there is one for ranges and squared ranges of a constant standard deviation"
         )
 
@@ -253,9 +256,10 @@ class Run:
         }
 
     def summary(self, *, bounds: bool = True) -> dict[str, Any]:
-        """Figures of merit over all AUVs and per AUV, in metres; ``bounds`` adds the certified bound, a second or two per AUV.
+        """Figures of merit over all AUVs and per AUV, in metres.
 
-        Where there is none, ``unbounded`` says why.
+        ``bounds`` adds the certified bound, a second or two per AUV. Where there is none,
+        ``unbounded`` says why.
         """
         from obsplan import __version__
 

@@ -15,6 +15,7 @@ from obsplan.campaign.plan import plan_cells
 from obsplan.campaign.table import load_campaign
 from obsplan.estimators.jacobian import informations
 from obsplan.report.verdict import planner_notes
+from obsplan.simulation.inputs import mission_inputs
 
 ROOT = Path(__file__).parents[1]
 BLOCKS = re.findall(
@@ -69,6 +70,10 @@ def test_the_true_state_may_have_more_components_and_the_filter_estimates_them()
     ahead = run.truth[0, :, :2] - run.scenario.motions[0].position  # along the heading
     np.testing.assert_allclose(np.hypot(*ahead.T), 0.2 * run.time, atol=1e-9)
     np.testing.assert_array_equal(run.truth[0, :, 4], 0.2)
+    inputs = [mission_inputs(run.scenario, run.scenario.start, seed) for seed in range(100)]
+    first = [carry.mean[0, 4] for carry, _ in inputs]
+    assert np.std(first) == pytest.approx(0.1, rel=4 / np.sqrt(2 * 100))  # four standard errors
+    assert np.mean(first) == pytest.approx(0.2, abs=4 * 0.1 / np.sqrt(100))
     assert abs(run.mean[0, -1, 4] - 0.2) < 4 * np.sqrt(run.covariance[0, -1, 4, 4]) < 0.2
 
 
@@ -135,10 +140,12 @@ def test_what_is_taken_for_granted_of_ones_own_is_said():
 
 @pytest.mark.usefixtures("mine")
 def test_own_states_are_recorded_under_their_names_and_units():
-    data = op.to_dataset(op.simulate(scenario()))
+    run = op.simulate(scenario())
+    data = op.to_dataset(run)
+    np.testing.assert_array_equal(data["est_current_north"], run.mean[..., 5])
     assert data["est_current_east"].attrs["units"] == "m s-1"
     assert data["state"].values.tolist()[4:] == ["current_east", "current_north"]
-    op.write_netcdf(op.simulate(scenario()), "t.nc")
+    op.write_netcdf(run, "t.nc")
     import xarray as xr
 
     with xr.open_dataset("t.nc") as written:

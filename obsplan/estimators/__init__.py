@@ -1,4 +1,4 @@
-"""Estimators, one file each, as CasADi expressions ``predict`` and ``update``, and one line in `ESTIMATORS`."""
+"""Estimators, one file each, as CasADi expressions, and one line in `ESTIMATORS`."""
 
 from obsplan.estimators.ekf import Ekf
 from obsplan.estimators.estimator import Estimator, Process

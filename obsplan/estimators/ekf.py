@@ -14,9 +14,10 @@ from obsplan.vehicles import States, Vehicle
 
 @dataclass(frozen=True, kw_only=True)
 class Ekf:
-    r"""Extended Kalman filter for :math:`x^+ = f(x, u) + w`, :math:`z = h(x) + v` with scalar measurements, Joseph form.
+    r"""Extended Kalman filter for :math:`x^+ = f(x, u) + w` and scalar :math:`z = h(x) + v`.
 
-    f is the vehicle's own model. A subclass with more states gives `states` and `step`; `predict` and `update` follow.
+    The covariance is updated in Joseph form. f is the vehicle's own model. A subclass with more
+    states gives `states` and `step`; `predict` and `update` follow.
     """
 
     def states(self, model: Vehicle) -> States:

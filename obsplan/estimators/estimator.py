@@ -20,9 +20,9 @@ class Process(NamedTuple):
 class Estimator(Protocol):
     """A filter as CasADi expressions; a dataclass whose fields are keys of ``[estimator]``.
 
-    Its first mean and covariance follow from its states: the scenario's first estimate for east, north, heading and speed,
-    ``start`` and ``sigma`` of a `State` for the others, which are independent. It holds nothing that changes: mean x and
-    covariance P are handed in and out.
+    Its first mean and covariance follow from its states: the scenario's first estimate for east,
+    north, heading and speed, ``start`` and ``sigma`` of a `State` for the others, which are
+    independent. It holds nothing that changes: mean x and covariance P are handed in and out.
     """
 
     def states(self, model: Vehicle) -> States:

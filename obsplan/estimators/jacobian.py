@@ -1,4 +1,4 @@
-"""Jacobians of models, by differentiation: as expressions for a filter, as arrays along a trajectory."""
+"""Jacobians of models by differentiation: as expressions for a filter, as arrays along a path."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -39,7 +39,8 @@ def informations(
 ) -> Float[np.ndarray, "*batch n n"]:
     r"""Fisher information of a measurement whose deviation may depend on the state.
 
-    .. math:: J = h^\top h / \sigma^2 + 2 s^\top s / \sigma^2, \quad h = \partial z / \partial x, \; s = \partial \sigma / \partial x
+    .. math:: J = (h^\top h + 2 s^\top s) / \sigma^2, \quad
+              h = \partial z / \partial x, \; s = \partial \sigma / \partial x
 
     (Kay 1993, eq. 3.31.)
     """

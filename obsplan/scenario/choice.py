@@ -1,4 +1,4 @@
-"""Tables whose ``kind`` chooses a class: the class's fields are their keys, whether it is ours or a user's own."""
+"""Tables whose ``kind`` chooses a class, ours or a user's: the class's fields are their keys."""
 
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
@@ -30,9 +30,10 @@ def table_of(
     omit: tuple[str, ...] = (),
     base: type[Table] = Table,
 ) -> type[Table]:
-    """Table with a key for every field of a dataclass; a field ``heading`` becomes the key ``heading_deg``, x and y make a `Place`.
+    """Table with a key for every field of a dataclass but those in ``omit``.
 
-    A field's description is the string in its ``Annotated`` type. Fields in ``omit`` are no keys.
+    A field ``heading`` becomes the key ``heading_deg``, x and y make a `Place`. A field's
+    description is the string in its ``Annotated`` type.
     """
     about = base.model_fields["kind"].description if "kind" in base.model_fields else "which one"
     keys: dict[str, Any] = {"kind": (Literal[kind], Field(default=kind, description=about))}
@@ -73,7 +74,7 @@ def options(cls: type, table: Any) -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
-    """One place of a scenario where a ``kind`` chooses a class; stands in the key's ``Annotated`` type."""
+    """One key of a scenario whose ``kind`` chooses a class; stands in its ``Annotated`` type."""
 
     what: str  # in messages and in the names of tables
     known: Mapping[str, type[Any]]  # the folder's table
@@ -158,7 +159,7 @@ class Choice:
         return self._own(kind, value, info) if is_own(kind) else handler(value)
 
     def _own(self, kind: Any, value: dict[str, Any], info: Any) -> Table:
-        """A table of a user's class; faults are located under its kind, as pydantic does with those of ours."""
+        """A table of a user's class; faults are located under its kind, as with ours."""
         try:
             table = self.table(kind)
         except ValueError as error:

@@ -20,7 +20,7 @@ from obsplan.vehicles import VEHICLES, States, Vehicle
 
 @dataclass(frozen=True, kw_only=True)
 class Equipment:
-    """The part of a `Scenario` that its AUVs bring: vehicles, sensors, filter, and what is first known of them."""
+    """What the AUVs of a `Scenario` bring: vehicles, sensors, filter, first estimates."""
 
     table: ScenarioTable
     source: str = "scenario"
@@ -40,8 +40,8 @@ class Equipment:
             if found and [*vehicle.states.items()] != [*found[0].states.items()]:
                 raise self.error(
                     key,
-                    f"has the states {', '.join(vehicle.states)}, auv.0.vehicle {', '.join(found[0].states)}; "
-                    "give every AUV a vehicle with the same states",
+                    f"has the states {', '.join(vehicle.states)}, "
+                    f"auv.0.vehicle {', '.join(found[0].states)}; give every AUV a vehicle with the same states",
                 )
             found.append(vehicle)
         return tuple(found)
@@ -66,7 +66,7 @@ class Equipment:
 
     @property
     def ranging_kind(self) -> str:
-        """Whether ranges or squared ranges are measured: what planners plan for, and the unit [m or m^2]."""
+        """Whether ranges [m] or squared ranges [m^2] are measured, which planners plan for."""
         return "squared-range" if isinstance(self.range_sensor, SquaredRange) else "range"
 
     @cached_property

@@ -325,7 +325,8 @@ def _asked(survey: Any, speed: float | None, current: Float[np.ndarray, " 2"]) -
     reference = survey.reference(speed=speed, current=current)
     if not isinstance(reference, Reference):
         raise ValueError(
-            f"reference must return an obsplan.Reference, got {type(reference).__name__}; correct the class"
+            f"reference must return an obsplan.Reference, got {type(reference).__name__}; "
+            "correct the class"
         )
     return reference
 

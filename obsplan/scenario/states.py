@@ -1,4 +1,4 @@
-"""What follows from the states of a scenario's AUVs and of their filters: initial values, first estimates, process noise."""
+"""What follows from the states of AUVs and filters: first values and estimates, process noise."""
 
 import numpy as np
 from jaxtyping import Float
@@ -24,7 +24,10 @@ def first_truth(
 def noise(
     scenario: Scenario, states: States, *, assumed: bool = False
 ) -> Float[np.ndarray, "auvs n"]:
-    """Standard deviations of the states' random walks per square root of a second: the truth's, or those the filter assumes."""
+    """Standard deviations of the states' random walks per square root of a second.
+
+    They are the truth's, or those that the filter assumes.
+    """
     return _widened(scenario.process_noise(assumed=assumed), [state.walk for state in own(states)])
 
 
@@ -43,9 +46,10 @@ def first_covariance(scenario: Scenario, states: States) -> Float[np.ndarray, "a
 def first_mean(
     scenario: Scenario, truth: Float[np.ndarray, "auvs n"], error: Float[np.ndarray, "auvs n"]
 ) -> Float[np.ndarray, "auvs m"]:
-    """The filters' first means: a state the AUV has is the truth plus a standard normal error times its sigma, unless it is given.
+    """The filters' first means.
 
-    A state that only the filter has begins at its ``start``.
+    A state that the AUV has is the truth plus a standard normal error times its sigma, unless it is
+    given. A state that only the filter has begins at its ``start``.
     """
     basic = scenario.first_estimates(truth[:, :BASIC], error[:, :BASIC])[0]
     mean = _widened(basic, [state.start for state in own(scenario.filter_states)])

@@ -1,4 +1,4 @@
-"""A user's classes tried once, when the scenario is read: whatever they return in another shape is said before anything runs."""
+"""A user's classes tried once, when the scenario is read, before anything runs."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -32,7 +32,7 @@ def try_sensor(sensor: Sensor, n: int) -> None:
 
 
 def try_estimator(estimator: Estimator, vehicle: Vehicle, sensor: Sensor) -> None:
-    """Raise ValueError unless prediction and update return mean and covariance of the filter's states."""
+    """Raise ValueError unless prediction and update return mean and covariance of the states."""
     _frozen(estimator)
     _called("states", lambda: check_states(estimator.states(vehicle)))
     n = len(estimator.states(vehicle))

@@ -1,4 +1,4 @@
-"""Sensors, one file each: ``measure(x, beacon)`` as a CasADi expression, and the ``deviation`` of its error.
+"""Sensors, one file each: ``measure`` and ``deviation`` of its error as CasADi expressions.
 
 `SENSORS` are those that may stand in ``[ranging]``; every AUV has a compass, `Heading`, besides.
 """

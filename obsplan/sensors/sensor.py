@@ -17,7 +17,7 @@ class Sensor(Protocol):
         ...
 
     def measure(self, x: ca.SX, beacon: ca.SX) -> ca.SX:
-        """Measurement of state x (east, north, heading, speed, ...), the beacon at (east, north, heading)."""
+        """Measurement of state x (`STATES`, ...), the beacon at (east, north, heading)."""
         ...
 
     def deviation(self, x: ca.SX, beacon: ca.SX) -> ca.SX | float:

@@ -9,8 +9,8 @@ import casadi as ca
 class State(NamedTuple):
     """One component of a state, and what a component of one's own begins with.
 
-    Of the four in `STATES` the scenario says the rest: their true values the survey, ``sigma`` the first estimate, ``walk`` the process
-    noise.
+    Of the four in `STATES` the scenario says the rest: their true values the survey, ``sigma`` the
+    first estimate, ``walk`` the process noise.
     """
 
     unit: str  # as udunits writes it: "m s-1"
@@ -32,7 +32,10 @@ STATES: dict[str, State] = {
 
 @runtime_checkable
 class Vehicle(Protocol):
-    """Motion of an AUV; a dataclass whose fields are the keys of its table, ``current`` excepted, which the scenario says."""
+    """Motion of an AUV; a dataclass whose fields are the keys of its table.
+
+    A field ``current``, east and north [m/s], is no key: the scenario fills it.
+    """
 
     @property
     def states(self) -> States:
@@ -62,7 +65,8 @@ def check_states(states: States) -> None:
             raise ValueError(f'states are named like variables, got "{name}"')
         if not (0 <= state.sigma < float("inf") and 0 <= state.walk < float("inf")):
             raise ValueError(
-                f"sigma and walk of {name} must be at least 0 and finite [{state.unit}], got {state.sigma} and {state.walk}"
+                f"sigma and walk of {name} must be at least 0 and finite [{state.unit}], "
+                f"got {state.sigma} and {state.walk}"
             )
         if not abs(state.start) < float("inf"):
             raise ValueError(f"start of {name} must be finite [{state.unit}], got {state.start}")
