@@ -15,9 +15,12 @@ _HOME = {
     "Circle": "planners.circle",
     "ClosedLoop": "simulation",
     "Constraints": "constraints",
+    "DeadReckoning": "vehicles",
     "Decision": "types",
     "Disc": "constraints",
+    "Ekf": "estimators",
     "ErrorEllipse": "planners.error_ellipse",
+    "Estimator": "estimators",
     "Filed": "planning.filed",
     "Formation": "surveys",
     "GramianHorizon": "planners.gramian",
@@ -28,17 +31,24 @@ _HOME = {
     "Planner": "planning.interface",
     "Polygon": "constraints",
     "Pose": "types",
+    "Process": "estimators",
     "RandomTurns": "planners.random_turns",
+    "Range": "sensors",
     "Reference": "surveys",
     "Run": "run",
+    "STATES": "vehicles",
     "Scenario": "scenario",
+    "Sensor": "sensors",
     "Situation": "planning.situation",
+    "SquaredRange": "sensors",
+    "State": "vehicles",
     "Static": "surveys",
     "Stationary": "planners.stationary",
     "Status": "types",
     "Trail": "planners.trail",
     "Trajectory": "planners.trajectory",
     "Unicycle": "vehicles",
+    "Vehicle": "vehicles",
     "Waypoints": "surveys",
     "WholeMission": "planners.whole_mission",
     "from_dict": "scenario",
@@ -55,6 +65,9 @@ if TYPE_CHECKING:
     from obsplan.constraints import Constraints as Constraints
     from obsplan.constraints import Disc as Disc
     from obsplan.constraints import Polygon as Polygon
+    from obsplan.estimators import Ekf as Ekf
+    from obsplan.estimators import Estimator as Estimator
+    from obsplan.estimators import Process as Process
     from obsplan.planners.centroid_orbit import CentroidOrbit as CentroidOrbit
     from obsplan.planners.circle import Circle as Circle
     from obsplan.planners.error_ellipse import ErrorEllipse as ErrorEllipse
@@ -76,6 +89,9 @@ if TYPE_CHECKING:
     from obsplan.scenario import Scenario as Scenario
     from obsplan.scenario import from_dict as from_dict
     from obsplan.scenario import load as load
+    from obsplan.sensors import Range as Range
+    from obsplan.sensors import Sensor as Sensor
+    from obsplan.sensors import SquaredRange as SquaredRange
     from obsplan.simulation import ClosedLoop as ClosedLoop
     from obsplan.simulation import simulate as simulate
     from obsplan.surveys import Formation as Formation
@@ -88,7 +104,11 @@ if TYPE_CHECKING:
     from obsplan.types import ObsplanError as ObsplanError
     from obsplan.types import Pose as Pose
     from obsplan.types import Status as Status
+    from obsplan.vehicles import STATES as STATES
+    from obsplan.vehicles import DeadReckoning as DeadReckoning
+    from obsplan.vehicles import State as State
     from obsplan.vehicles import Unicycle as Unicycle
+    from obsplan.vehicles import Vehicle as Vehicle
 else:  # hidden from type checkers, which would take any misspelt name for one that loads
     __all__ = ["__version__", *_HOME]
 

@@ -10,14 +10,14 @@ from formulations.solution import Status
 from obsplan import geo
 from obsplan.files import write_atomically
 from obsplan.run import Run
+from obsplan.scenario.states import BASIC, own
 
 if TYPE_CHECKING:
     import xarray as xr
 
 # CF wants a date; a simulated mission has none, and begins at zero
 EPOCH = "seconds since 1970-01-01T00:00:00Z"
-UNITS = {"east": "m", "north": "m", "heading": "rad", "speed": "m s-1"}  # of the estimated state
-STATES = tuple(UNITS)
+UNITS = "component_units"  # attribute of the states
 NO_DECISION = -1  # fill value of the status flag
 CCW = "counter-clockwise from east"
 
@@ -64,11 +64,13 @@ def as_trajectories(dataset: "xr.Dataset") -> "xr.Dataset":
         .rename_dims(time="obs")
         .assign_coords(time=("obs", times.values, times.attrs))
     )
-    for i, row in enumerate(STATES):
-        for j, column in enumerate(STATES[: i + 1]):
+    states = dataset["state"].values.tolist()
+    units = dict(zip(states, dataset["state"].attrs[UNITS], strict=True))
+    for i, row in enumerate(states):
+        for j, column in enumerate(states[: i + 1]):
             attributes = {
                 "long_name": f"covariance of the estimated {row} and {column}",
-                "units": f"{UNITS[row]} {UNITS[column]}",
+                "units": f"{units[row]} {units[column]}",
             }
             flat[f"cov_{row}_{column}"] = (
                 along,
@@ -129,7 +131,14 @@ def _coordinates(run: Run) -> Variables:
             np.array(run.names),
             {"cf_role": "trajectory_id", "long_name": "name of the AUV"},
         ),
-        "state": (("state",), np.array(STATES), {"long_name": "component of the estimated state"}),
+        "state": (
+            ("state",),
+            np.array([*run.scenario.filter_states]),
+            {
+                "long_name": "component of the estimated state",
+                UNITS: [state.unit for state in run.scenario.filter_states.values()],
+            },
+        ),
         "lat": (along, lat, {**_latitude("true latitude of the AUV"), "axis": "Y"}),
         "lon": (along, lon, {**_longitude("true longitude of the AUV"), "axis": "X"}),
     }
@@ -163,7 +172,7 @@ def _cna(run: Run) -> Variables:
 def _auvs(run: Run) -> Variables:
     along = ("auv", "time")
     est_lat, est_lon = _latlon(run, run.mean[..., :2])
-    squared = run.scenario.table.ranging.kind == "squared-range"
+    squared = run.scenario.ranging_kind == "squared-range"
     found: Variables = {}
     for prefix, states, whose in (("auv", run.truth, "true"), ("est", run.mean, "estimated")):
         found |= {
@@ -184,9 +193,12 @@ def _auvs(run: Run) -> Variables:
                 ),
             ),
         }
+    found |= _own_states(run)
+    units = dict.fromkeys(state.unit for state in own(run.scenario.filter_states))
+    others = "".join(f", {unit}" for unit in units if unit not in ("m", "rad", "m s-1"))
     covariance = {
         "long_name": "covariance of the estimate",
-        "comment": "entries in products of m (east, north), rad and m s-1",
+        "comment": f"entries in products of m (east, north), rad and m s-1{others}",
     }
     return found | {
         "est_lat": (along, est_lat, _latitude("estimated latitude of the AUV")),
@@ -200,6 +212,21 @@ def _auvs(run: Run) -> Variables:
             ),
         ),
     }
+
+
+def _own_states(run: Run) -> Variables:
+    """States besides east, north, heading and speed, under their own names."""
+    scenario, found = run.scenario, {}
+    sides = (
+        ("auv", run.truth, scenario.truth_states, "true"),
+        ("est", run.mean, scenario.filter_states, "estimated"),
+    )
+    for prefix, values, states, whose in sides:
+        for i, (name, state) in enumerate(states.items()):
+            if i >= BASIC:
+                about = _quantity(state.unit, f"{whose} {name} of the AUV")
+                found[f"{prefix}_{name}"] = (("auv", "time"), values[..., i], about)
+    return found
 
 
 def _decisions(run: Run) -> Variables:

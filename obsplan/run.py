@@ -5,7 +5,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Integer
 
 from formulations.consistency import effective_samples
 from formulations.cramer_rao import (
@@ -18,12 +18,18 @@ from formulations.cramer_rao import (
 )
 from formulations.solution import Status
 from obsplan.constraints import LimitHistory
-from obsplan.estimators.jacobian import transitions
+from obsplan.estimators import Process
+from obsplan.estimators.jacobian import informations, predictions, transitions
 from obsplan.planners import name_of
 from obsplan.scenario import Scenario
+from obsplan.scenario.states import first_covariance, noise
+from obsplan.sensors import Range, SquaredRange
+from obsplan.types import ObsplanError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+GAINS = {Range: range_information, SquaredRange: squared_range_information}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,8 +44,10 @@ class Timing:
 class Run:
     """One mission as recorded; errors, consistency and bounds are derived.
 
-    Frames: local east/north [m], heading [rad] counter-clockwise from east. Axes: AUV, time sample (from 0), state (east, north, heading,
-    speed through the water [m/s]). Commands, scores and conditions hold from their sample on; they are nan where no decision was due.
+    Frames: local east/north [m], heading [rad] counter-clockwise from east. Axes: AUV, time sample
+    (from 0), state: east, north, heading, speed through the water [m/s], and what more
+    `Scenario.truth_states` and `Scenario.filter_states` name. Commands, scores and conditions hold
+    from their sample on; they are nan where no decision was due.
     """
 
     scenario: Scenario
@@ -50,9 +58,9 @@ class Run:
     cna: Float[np.ndarray, "samples 3"]  # pose
     turn_rate: Float[np.ndarray, " samples"]  # [rad/s]
     speed: Float[np.ndarray, " samples"]  # of the aid vehicle [m/s]
-    truth: Float[np.ndarray, "auvs samples 4"]
-    mean: Float[np.ndarray, "auvs samples 4"]
-    covariance: Float[np.ndarray, "auvs samples 4 4"]
+    truth: Float[np.ndarray, "auvs samples n"]
+    mean: Float[np.ndarray, "auvs samples m"]
+    covariance: Float[np.ndarray, "auvs samples m m"]
     range: Float[np.ndarray, "auvs samples"]  # as measured [m or m^2]; nan without a ping
     condition: Float[np.ndarray, "auvs samples"]  # predicted condition number at each decision
     score: Float[np.ndarray, " samples"]  # the planner's own objective
@@ -114,11 +122,15 @@ class Run:
     @cached_property
     def independent_errors(self) -> Float[np.ndarray, " auvs"]:
         """How many independent errors each AUV's mean NEES is worth (see `effective_samples`)."""
-        dt, model = self.scenario.table.time_step, self.scenario.auv_model
-        counts = [
-            effective_samples(P, transitions(model, mean[:-1], dt), Q)
-            for P, mean, Q in zip(self.covariance, self.mean, self._process_covariance, strict=True)
-        ]
+        scenario, dt = self.scenario, self.scenario.table.time_step
+        assumed = noise(scenario, scenario.filter_states, assumed=True)
+        counts = []
+        for vehicle, own, P, mean in zip(
+            scenario.vehicles, assumed, self.covariance, self.mean, strict=True
+        ):
+            process = Process(model=vehicle, noise=tuple(own), dt=dt)
+            F = predictions(scenario.estimator, process, mean[:-1])
+            counts.append(effective_samples(P, F, np.diag(own**2 * dt)))
         return np.array(counts)
 
     @cached_property
@@ -142,18 +154,39 @@ class Run:
         return worst
 
     @cached_property
-    def cramer_rao(self) -> Float[np.ndarray, "auvs samples 4 4"]:
-        """Posterior Cramér-Rao bound along the true path, from the first covariance and the filter's process noise."""
+    def cramer_rao(self) -> Float[np.ndarray, "auvs samples n n"]:
+        """Posterior Cramér-Rao bound of the true states along the true path.
+
+        It begins with their first covariance and counts the process noise that the filter assumes.
+        A filter that has to find out more than these states cannot reach it.
+        """
         J = np.repeat(self._compass_information()[None], len(self.names), axis=0)
-        gain = {"range": range_information, "squared-range": squared_range_information}[
-            self.scenario.table.ranging.kind
-        ]
         pings = self.scenario.pings
-        J[:, pings - 1, :2, :2] = gain(
-            self.cna[pings, :2], self.truth[:, pings, :2], self.scenario.range_sensor.sigma
-        )
+        J[:, pings - 1] += self._range_information(pings)
         return posterior_cramer_rao(
-            self.covariance[:, 0], self._transitions, self._process_covariance[:, None], J
+            self._first_covariance, self._transitions, self._process_covariance[:, None], J
+        )
+
+    def _range_information(self, pings: Integer[np.ndarray, " pings"]) -> np.ndarray:
+        """What the range at each ping tells of the true state (auvs x pings x n x n)."""
+        sensor, truth, cna = self.scenario.range_sensor, self.truth[:, pings], self.cna[pings]
+        gain = GAINS.get(type(sensor))
+        if gain is None:
+            return informations(sensor, truth, cna)
+        J = np.zeros((*truth.shape, truth.shape[-1]))
+        J[..., :2, :2] = gain(cna[:, :2], truth[..., :2], sensor.sigma)
+        return J
+
+    @property
+    def unbounded(self) -> str:
+        """Why there is no certified bound; empty where there is one."""
+        sensor = type(self.scenario.range_sensor)
+        if sensor in GAINS:
+            return ""
+        return (
+            "no bound over all paths is known for the ranging "
+            f"{sensor.__module__}:{sensor.__qualname__}; "
+            "there is one for ranges and squared ranges of a constant standard deviation"
         )
 
     @cached_property
@@ -162,10 +195,17 @@ class Run:
 
         It is of unbiased estimators from the first covariance on, along the true AUV trajectory. A squared range is worth more the farther:
         there it holds for every path the aid vehicle can travel from its start.
+
+        Raises
+        ------
+        ObsplanError
+            There is none, and why; see `unbounded`.
         """
+        if self.unbounded:
+            raise ObsplanError(self.unbounded)
         pings, J = self.scenario.pings, self._compass_information()
         parts = zip(
-            self.covariance[:, 0],
+            self._first_covariance,
             self._transitions,
             self._process_covariance,
             self._least_sigma(),
@@ -179,28 +219,31 @@ class Run:
     def _least_sigma(self) -> Float[np.ndarray, "auvs pings"]:
         """Smallest standard deviation of a range [m] that any path of the aid vehicle reaches at each ping."""
         pings, sigma = self.scenario.pings, self.scenario.range_sensor.sigma
-        if self.scenario.table.ranging.kind == "range":
+        if self.scenario.ranging_kind == "range":
             return np.full((len(self.names), pings.size), sigma)
         start = np.hypot(*np.moveaxis(self.truth[:, pings, :2] - self.cna[0, :2], -1, 0))
         return sigma / (2 * (start + self.scenario.cna.speed * self.time[pings]))
 
     @cached_property
-    def _transitions(self) -> Float[np.ndarray, "auvs steps 4 4"]:
-        dt, model = self.scenario.table.time_step, self.scenario.auv_model
-        return np.stack([transitions(model, states[:-1], dt) for states in self.truth])
+    def _first_covariance(self) -> Float[np.ndarray, "auvs n n"]:
+        return first_covariance(self.scenario, self.scenario.truth_states)
 
     @cached_property
-    def _process_covariance(self) -> Float[np.ndarray, "auvs 4 4"]:
-        return np.stack(
-            [
-                np.diag(row**2 * self.scenario.table.time_step)
-                for row in self.scenario.process_noise(assumed=True)
-            ]
-        )
+    def _transitions(self) -> Float[np.ndarray, "auvs steps n n"]:
+        dt, vehicles = self.scenario.table.time_step, self.scenario.vehicles
+        each = zip(vehicles, self.truth, strict=True)
+        return np.stack([transitions(vehicle, states[:-1], dt) for vehicle, states in each])
 
-    def _compass_information(self) -> Float[np.ndarray, "steps 4 4"]:
+    @cached_property
+    def _process_covariance(self) -> Float[np.ndarray, "auvs n n"]:
+        scenario = self.scenario
+        rows = noise(scenario, scenario.truth_states, assumed=True)
+        return np.stack([np.diag(row**2 * scenario.table.time_step) for row in rows])
+
+    def _compass_information(self) -> Float[np.ndarray, "steps n n"]:
         """What the heading measured on arriving at each sample after the first tells of the state."""
-        J = np.zeros((self.time.size - 1, 4, 4))
+        n = self.truth.shape[-1]
+        J = np.zeros((self.time.size - 1, n, n))
         J[:, 2, 2] = self.scenario.heading_sensor.sigma**-2
         return J
 
@@ -213,7 +256,11 @@ class Run:
         }
 
     def summary(self, *, bounds: bool = True) -> dict[str, Any]:
-        """Figures of merit over all AUVs and per AUV, in metres; ``bounds`` adds the certified bound, a second or two per AUV."""
+        """Figures of merit over all AUVs and per AUV, in metres.
+
+        ``bounds`` adds the certified bound, a second or two per AUV. Where there is none,
+        ``unbounded`` says why.
+        """
         from obsplan import __version__
 
         per_auv = {
@@ -227,14 +274,14 @@ class Run:
             "all": self._figures(slice(None), bounds),
             "auv": per_auv,
             "status_counts": self.status_counts,
-        }
+        } | ({"unbounded": self.unbounded} if bounds and self.unbounded else {})
 
     def _figures(self, auvs: slice, bounds: bool) -> dict[str, float | None]:
         nees, separation = self.nees[auvs], self.separation[auvs]
         achieved = np.sqrt(np.mean(position_rms(self.cramer_rao[auvs]) ** 2))
-        bound = (
-            np.sqrt(np.mean([b.bound for b in self.information_bounds[auvs]])) if bounds else np.nan
-        )
+        bound = np.nan
+        if bounds and not self.unbounded:
+            bound = np.sqrt(np.mean([b.bound for b in self.information_bounds[auvs]]))
         figures = {
             "rms_error_m": np.sqrt(np.mean(self.error[auvs] ** 2)),
             "max_error_m": self.error[auvs].max(),

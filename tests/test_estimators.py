@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from pykalman import KalmanFilter
 
-from obsplan.estimators import Ekf
+from obsplan.estimators import Ekf, Process
 from obsplan.sensors import Heading, Range, SquaredRange
+from obsplan.vehicles import State
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,30 @@ class LinearSensor:
     def measure(self, x, beacon):
         return ca.dot(ca.DM(self.row), x)
 
+    def deviation(self, x, beacon):
+        return self.sigma
+
+
+@dataclass(frozen=True)
+class LinearVehicle:
+    """x+ = A x + B u."""
+
+    A: tuple
+    B: tuple
+
+    @property
+    def states(self):
+        return dict.fromkeys(map(str, range(len(self.A))), State("1"))
+
+    def step(self, x, u, dt):
+        return ca.DM(self.A) @ x + ca.DM(self.B) @ u
+
+
+def linear(A, B, variances):
+    """What a filter of a linear vehicle assumes, a sample being a second."""
+    vehicle = LinearVehicle(A.tolist(), B.tolist())
+    return Process(model=vehicle, noise=tuple(np.sqrt(variances)), dt=1.0)
+
 
 def updated(sensor, n=4):
     """The update as a Function of mean, covariance, measurement and beacon."""
@@ -29,7 +54,7 @@ def updated(sensor, n=4):
         ca.SX.sym("z"),
         ca.SX.sym("beacon", 2),
     )
-    ekf = Ekf(f=lambda x, u: x, Q=ca.DM.zeros(n, n))
+    ekf = Ekf()
     return ca.Function("update", [x, P, z, beacon], list(ekf.update(x, P, z, sensor, beacon)))
 
 
@@ -43,13 +68,11 @@ def positive(rng, n, scale=1.0):
 def test_filter_of_a_linear_system_is_the_kalman_filter_of_pykalman(seed):
     rng = np.random.default_rng(seed)
     A, B, C = rng.normal(size=(3, 3)) * 0.6, rng.normal(size=(3, 2)), rng.normal(size=3)
-    Q, P0, sigma = positive(rng, 3, 0.1), positive(rng, 3), 0.7
+    Q, P0, sigma = np.diag(rng.uniform(0.01, 0.3, 3)), positive(rng, 3), 0.7
     x0, u, z = rng.normal(size=3), rng.normal(size=(40, 2)), rng.normal(size=40)
 
-    ekf, sensor = (
-        Ekf(f=lambda x, u: ca.DM(A) @ x + ca.DM(B) @ u, Q=ca.DM(Q)),
-        LinearSensor(tuple(C), sigma),
-    )
+    ekf, sensor = Ekf(), LinearSensor(tuple(C), sigma)
+    process = linear(A, B, np.diag(Q))
     x, P, control, measured = (
         ca.SX.sym("x", 3),
         ca.SX.sym("P", 3, 3),
@@ -59,7 +82,7 @@ def test_filter_of_a_linear_system_is_the_kalman_filter_of_pykalman(seed):
     step = ca.Function(
         "step",
         [x, P, control, measured],
-        list(ekf.update(*ekf.predict(x, P, control), measured, sensor, ca.SX(0))),
+        list(ekf.update(*ekf.predict(x, P, control, process), measured, sensor, ca.SX(0))),
     )
     means, covariances = [x0], [P0]
     for k in range(40):
@@ -139,12 +162,12 @@ def test_covariance_stays_symmetric_and_positive_after_ten_thousand_precise_upda
 
 def test_prediction_keeps_the_covariance_symmetric_to_the_last_bit():
     rng = np.random.default_rng(5)
-    A, Q, P0 = rng.normal(size=(4, 4)), positive(rng, 4), positive(rng, 4)
+    A, Q, P0 = rng.normal(size=(4, 4)), np.diag(rng.uniform(0.1, 1.0, 4)), positive(rng, 4)
     x, P, u = ca.SX.sym("x", 4), ca.SX.sym("P", 4, 4), ca.SX.sym("u", 2)
-    ekf = Ekf(f=lambda x, u: ca.DM(A) @ x, Q=ca.DM(Q))
-    predicted = ca.Function("predict", [x, P, u], list(ekf.predict(x, P, u)))(
-        np.zeros(4), P0, np.zeros(2)
-    )[1].full()
+    after = Ekf().predict(x, P, u, linear(A, np.zeros((4, 2)), np.diag(Q)))
+    predicted = ca.Function("predict", [x, P, u], list(after))(np.zeros(4), P0, np.zeros(2))[
+        1
+    ].full()
     np.testing.assert_array_equal(predicted, predicted.T)
     np.testing.assert_allclose(predicted, A @ P0 @ A.T + Q, rtol=1e-13)
 

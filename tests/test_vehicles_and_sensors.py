@@ -68,7 +68,7 @@ def test_dead_reckoning_holds_its_velocity_over_the_sample_and_turns_at_its_end(
     np.testing.assert_allclose(moved[:, 0], [east, north, np.pi / 3 + 0.25, 0.7], rtol=1e-14)
 
 
-@pytest.mark.parametrize("name", VEHICLES)
+@pytest.mark.parametrize("name", ["unicycle", *VEHICLES])
 def test_jacobian_of_every_vehicle_is_the_limit_of_differences(name):
     rng = np.random.default_rng(1)
     model, n = MODELS[name], STATES[name]
@@ -101,10 +101,10 @@ TRUTH = {
 }
 
 
-@pytest.mark.parametrize("name", SENSORS)
+@pytest.mark.parametrize("name", ["heading", *SENSORS])
 def test_every_sensor_measures_what_it_says_and_its_jacobian_is_the_limit_of_differences(name):
     rng = np.random.default_rng(3)
-    sensor = SENSORS[name](sigma=1.0)
+    sensor = (SENSORS | {"heading": Heading})[name](sigma=1.0)
     for _ in range(20):
         x, beacon = rng.normal(size=4) * 3, rng.normal(size=3)
         measure = lambda x, beacon=beacon: np.array([TRUTH[name](x, beacon)])  # noqa: E731

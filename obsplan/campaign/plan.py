@@ -5,8 +5,10 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 from obsplan.campaign.code import code_hash
+from obsplan.plugins import fingerprint, is_own
 from obsplan.scenario import Scenario, load
 from obsplan.types import ObsplanError
 
@@ -169,7 +171,19 @@ def content_of(scenario: Scenario) -> str:
 
 
 def key_of(content: str) -> str:
-    """SHA-256 of the content, and of the version and the code that fly it."""
+    """SHA-256 of the content, of the version and the code that fly it, and of the files of users' classes."""
     from obsplan import __version__
 
-    return hashlib.sha256(f"{__version__}\0{code_hash()}\0{content}".encode()).hexdigest()
+    own = own_kinds(json.loads(content))
+    parts = [__version__, code_hash(), content, *([fingerprint(own)] if own else [])]
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()
+
+
+def own_kinds(data: Any) -> list[str]:
+    """Kinds that name users' classes, anywhere in a scenario."""
+    if isinstance(data, list):
+        return [kind for item in data for kind in own_kinds(item)]
+    if not isinstance(data, dict):
+        return []
+    here = [data["kind"]] if is_own(data.get("kind")) else []
+    return [*here, *own_kinds([*data.values()])]

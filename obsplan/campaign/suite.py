@@ -160,11 +160,13 @@ def missions_of(cells: "tuple[Cell, ...]", table: "pd.DataFrame", folder: Path) 
 def least_error(scenario: Scenario) -> float:
     """Certified least RMS position error [m] of any path of the aid vehicle, over all AUVs.
 
-    It holds for the scenario's seed.
+    It holds for the scenario's seed, and is nan where none is known: for ranging of a user's own.
     """
     loop = ClosedLoop(scenario=scenario, planner=scenario.planner())
-    bounds = loop.fly(scenario.table.seed).information_bounds
-    return float(np.sqrt(np.mean([bound.bound for bound in bounds])))
+    run = loop.fly(scenario.table.seed)
+    if run.unbounded:
+        return float("nan")
+    return float(np.sqrt(np.mean([bound.bound for bound in run.information_bounds])))
 
 
 def decision_time(scenario: Scenario) -> float:

@@ -1,48 +1,38 @@
 """Extended Kalman filter, as CasADi expressions; Jacobians by differentiation."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import casadi as ca
+import numpy as np
 
 from formulations.model.covariance import propagate, symmetric
+from obsplan.estimators.estimator import Process
 from obsplan.estimators.jacobian import jacobian
-
-
-@runtime_checkable
-class Sensor(Protocol):
-    """What the filter needs of a sensor."""
-
-    @property
-    def sigma(self) -> float:
-        """Standard deviation of the error, in the unit of the measurement."""
-        ...
-
-    @property
-    def periodic(self) -> bool:
-        """Whether the measurement is an angle [rad]."""
-        ...
-
-    def measure(self, x: ca.SX, beacon: ca.SX) -> ca.SX:
-        """Measurement of state x."""
-        ...
+from obsplan.sensors import Sensor
+from obsplan.vehicles import States, Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ekf:
-    r"""Extended Kalman filter for :math:`x^+ = f(x, u) + w`, :math:`z = h(x) + v` with scalar measurements, Joseph form.
+    r"""Extended Kalman filter for :math:`x^+ = f(x, u) + w` and scalar :math:`z = h(x) + v`.
 
-    ``f(x, u)`` is the discrete model over one sample and ``Q`` the covariance of w over it.
+    The covariance is updated in Joseph form. f is the vehicle's own model. A subclass with more
+    states gives `states` and `step`; `predict` and `update` follow.
     """
 
-    f: Callable[[ca.SX, ca.SX], ca.SX]
-    Q: ca.DM
+    def states(self, model: Vehicle) -> States:
+        """Components of x: the model's."""
+        return model.states
 
-    def predict(self, x: ca.SX, P: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX]:
+    def step(self, x: ca.SX, u: ca.SX, process: Process) -> ca.SX:
+        """State one sample later, f(x, u)."""
+        return process.model.step(x, u, process.dt)
+
+    def predict(self, x: ca.SX, P: ca.SX, u: ca.SX, process: Process) -> tuple[ca.SX, ca.SX]:
         """Mean and covariance one sample later."""
-        F = jacobian(lambda s: self.f(s, u), x)
-        return self.f(x, u), propagate(P, F, self.Q)
+        F = jacobian(lambda s: self.step(s, u, process), x)
+        Q = np.diag(np.array(process.noise) ** 2 * process.dt)
+        return self.step(x, u, process), propagate(P, F, ca.DM(Q))
 
     def update(
         self, x: ca.SX, P: ca.SX, z: ca.SX, sensor: Sensor, beacon: ca.SX
@@ -52,9 +42,8 @@ class Ekf:
         innovation = z - sensor.measure(x, beacon)
         if sensor.periodic:
             innovation = ca.atan2(ca.sin(innovation), ca.cos(innovation))
-        R = sensor.sigma**2
+        R = sensor.deviation(x, beacon) ** 2
         K = P @ H.T / (H @ P @ H.T + R)
         A = ca.SX.eye(x.numel()) - K @ H
-        return x + K * innovation, symmetric(
-            A @ P @ A.T + R * K @ K.T
-        )  # Joseph form: P stays positive semidefinite
+        joseph = A @ P @ A.T + R * K @ K.T  # P stays positive semidefinite
+        return x + K * innovation, symmetric(joseph)

@@ -3,8 +3,9 @@
 The classes load on first use: a scenario that needs one does not pay for the others' solvers.
 """
 
-from importlib import import_module
 from typing import Any
+
+from obsplan.plugins import is_own, loaded
 
 PLANNERS = {
     "path-inertia": "obsplan.planners.path_inertia:PathInertia",
@@ -27,9 +28,10 @@ DEFAULT_PLANNER = "information"  # what the name "default" stands for
 
 
 def planner_class(name: str) -> type[Any]:
-    """Class of a planner by its name in files."""
-    module, _, cls = PLANNERS[DEFAULT_PLANNER if name == "default" else name].partition(":")
-    return getattr(import_module(module), cls)
+    """Class of a planner by its name in files, or by its own as ``"package.module:Class"``."""
+    if is_own(name):
+        return loaded(name)
+    return loaded(PLANNERS[DEFAULT_PLANNER if name == "default" else name])
 
 
 def name_of(planner: object) -> str:

@@ -267,7 +267,7 @@ def tracks_csv(run: Run) -> str:
 
 def ranges(run: Run) -> Float[np.ndarray, "auvs samples"]:
     """Measured ranges [m]; nan without one."""
-    if run.scenario.table.ranging.kind == "range":
+    if run.scenario.ranging_kind == "range":
         return run.range
     return np.sqrt(np.where(run.range >= 0, run.range, np.nan))
 

@@ -10,6 +10,7 @@ from formulations.solution import Status
 from obsplan.constraints import LimitHistory
 from obsplan.report.words import after, capital, clock, limit_name, metres, moment, percent
 from obsplan.run import Run
+from obsplan.scenario.states import BASIC
 
 TELLING = 4.0  # mean NEES, 2 if consistent, of errors sqrt(2) times too large: to be told apart
 INSIDE = 5.991  # NEES on the 95 % ellipse: chi-square with 2 degrees
@@ -61,17 +62,32 @@ def _place(run: Run, k: int) -> str:
 
 
 def planner_notes(run: Run) -> list[str]:
-    """Say which decisions were not the optimum of what was asked, and what to do about it."""
+    """Say which decisions were not the optimum of what was asked, what to do about it, and what planners know of one's own classes."""
     total = sum(run.status_counts.values())
     odd = [
         status
         for status in Status
         if status not in (Status.OPTIMAL, Status.CLIPPED) and status.label in run.status_counts
     ]
-    return [
+    decisions = [
         f"{run.planner}: {run.status_counts[s.label]} of {total} decisions {s.label}: {s.advice}."
         for s in odd
     ]
+    return [*decisions, *_own_notes(run)]
+
+
+def _own_notes(run: Run) -> list[str]:
+    """What planners and bounds take for granted of ranges and states that are a user's own."""
+    scenario, notes = run.scenario, []
+    if run.unbounded:
+        unit = "m^2" if scenario.ranging_kind == "squared-range" else "m"
+        sigma = f"{scenario.range_sensor.sigma:g} {unit}"
+        notes.append(f"Planners count on ranges that err by {sigma} everywhere; {run.unbounded}.")
+    states = [*scenario.filter_states]
+    if len(states) > BASIC:
+        own = ", ".join(states[BASIC:])
+        notes.append(f"Planners know nothing of {own}: they see the other states as estimated.")
+    return notes
 
 
 def sentence(run: Run, i: int, figures: dict[str, Any]) -> str:

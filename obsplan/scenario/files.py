@@ -8,13 +8,15 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydantic import ValidationError
 
 from obsplan.planners import PLANNERS
-from obsplan.scenario.messages import as_error, nearest
+from obsplan.plugins import is_own
+from obsplan.scenario.base import tuples
+from obsplan.scenario.messages import OWN, as_error
 from obsplan.scenario.scenario import Scenario
-from obsplan.scenario.tables import Origin, ScenarioTable
+from obsplan.scenario.tables import CHOICES, Origin, ScenarioTable
+from obsplan.spelling import nearest
 from obsplan.types import ObsplanError
 
 SHIPPED = Path(str(files("obsplan") / "scenarios"))
@@ -148,21 +150,13 @@ def read(path: Path) -> dict[str, Any]:
         ) from None
 
 
-def tuples(data: Any) -> Any:
-    """The same data with its lists and arrays as tuples, which is how the tables hold them."""
-    if isinstance(data, np.ndarray | np.generic):
-        return tuples(data.tolist())
-    if isinstance(data, dict):
-        return {key: tuples(value) for key, value in data.items()}
-    return tuple(tuples(value) for value in data) if isinstance(data, list | tuple) else data
-
-
 def with_planner(data: dict[str, Any], planner: str | None) -> dict[str, Any]:
     """The contents with another planner, at the same interval and knowledge."""
     if planner is None:
         return data
-    if planner not in (*PLANNERS, "default"):
-        raise ObsplanError(f'no planner "{planner}"; {nearest(planner, [*PLANNERS, "default"])}')
+    if not is_own(planner) and planner not in (*PLANNERS, "default"):
+        remedy = nearest(planner, [*PLANNERS, "default"])
+        raise ObsplanError(f'no planner "{planner}"; {remedy}{OWN}')
     table = data.get("planner", {})
     kept = {key: table[key] for key in ("interval", "knowledge") if key in table}
     same = table if table.get("kind") == planner else {}
@@ -186,7 +180,7 @@ def with_setting(data: dict[str, Any], setting: str) -> dict[str, Any]:
 def replaced(data: Any, path: list[str], value: Any, setting: str) -> Any:
     """A copy of nested tables and lists with one place replaced; ``setting`` is what the user wrote."""
     if not path:
-        return value
+        return beside(data, value)
     head, rest = path[0], path[1:]
     if isinstance(data, list | tuple):
         if not head.isdigit() or int(head) >= len(data):
@@ -202,3 +196,12 @@ def replaced(data: Any, path: list[str], value: Any, setting: str) -> Any:
             f"{setting}: {head} is not a key, because the entry above it is a value; see `obsplan schema`"
         )
     return {**data, head: replaced(data.get(head, {}), rest, value, setting)}
+
+
+def beside(table: Any, value: Any) -> Any:
+    """What takes a table's place; an object keeps those keys of it that every class has, such as the time between ranges."""
+    choice = next((choice for choice in CHOICES if choice.fits(value)), None)
+    if choice is None or not isinstance(table, dict):
+        return value
+    kept = {key: table[key] for key in choice.base.model_fields if key in table}
+    return {**kept, "kind": value}

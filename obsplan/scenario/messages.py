@@ -1,12 +1,14 @@
 """One clear sentence from what pydantic found wrong."""
 
-import difflib
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from obsplan.plugins import is_own
+from obsplan.scenario.choice import Choice
 from obsplan.scenario.places import DEGREES, METRES, Degrees, InDegrees
 from obsplan.scenario.tables import AREA, CORNERS, AreaTable, ScenarioTable
+from obsplan.spelling import nearest
 from obsplan.types import ObsplanError
 
 REASONS = {  # where pydantic's words are Python's and not the file's
@@ -21,6 +23,7 @@ REASONS = {  # where pydantic's words are Python's and not the file's
     "int_type": "must be a whole number",
 }
 
+OWN = ' (a class of your own is "mypackage.module:Class")'
 LONGEST_VALUE = 80  # letters of a value that is shown
 
 FORMS: dict[int | str, type[BaseModel] | None] = {
@@ -60,7 +63,7 @@ def as_error(source: str, error: ValidationError) -> ObsplanError:
     if fault["type"] == "union_tag_invalid":
         tag = str((fault.get("ctx") or {}).get("tag"))
         return ObsplanError(
-            f'{source}: {key}.kind = "{tag}" is not known; {nearest(tag, kinds(field))}'
+            f'{source}: {key}.kind = "{tag}" is not known; {nearest(tag, kinds(field))}{OWN}'
         )
     said = fault["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
     reason = REASONS.get(fault["type"], said)
@@ -69,12 +72,6 @@ def as_error(source: str, error: ValidationError) -> ObsplanError:
         written = f"{written[:LONGEST_VALUE]}..."
     value = "" if isinstance(fault["input"], dict) else f" = {written}"
     return ObsplanError(f"{source}: {key}{value}{about}: {reason}")
-
-
-def nearest(word: str, known: list[str]) -> str:
-    """The remedy for a misspelt word."""
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
-    return f'did you mean "{close[0]}"?' if close else f"known are {', '.join(sorted(known))}"
 
 
 def locate(loc: tuple[int | str, ...]) -> tuple[type[BaseModel] | None, list[str], Any]:
@@ -86,6 +83,9 @@ def locate(loc: tuple[int | str, ...]) -> tuple[type[BaseModel] | None, list[str
         if part in FORMS or part in tags:  # pydantic's name for one of several; no key of the file
             table, tags = (FORMS | tags)[part] or table, {}
             continue
+        if is_own(part) and (choice := choice_of(field)):
+            table, tags = choice.table(str(part)), {}
+            continue
         path.append(str(part))
         if isinstance(part, int):
             continue
@@ -95,6 +95,12 @@ def locate(loc: tuple[int | str, ...]) -> tuple[type[BaseModel] | None, list[str
         table = tables[0] if len(tables) == 1 else None
         tags = {kind_of(t): t for t in tables} if len(tables) > 1 else {}
     return holder, path or ["the file"], field
+
+
+def choice_of(field: Any) -> Choice | None:
+    """What chooses the class of a key; None where nothing does."""
+    chosen = [] if field is None else field.metadata
+    return next((mark for mark in chosen if isinstance(mark, Choice)), None)
 
 
 def tables_in(annotation: Any) -> list[type[BaseModel]]:

@@ -1,6 +1,6 @@
 """A checked scenario, and the objects it stands for."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from inspect import signature
 from pathlib import Path
@@ -14,28 +14,28 @@ from obsplan.constraints import Constraints, Disc
 from obsplan.missions import Mission, read_mission, to_local
 from obsplan.planners import DEFAULT_PLANNER, planner_class
 from obsplan.planning.filed import Filed
-from obsplan.planning.interface import Planner
+from obsplan.planning.interface import Planner, check_planner
 from obsplan.planning.situation import Situation
+from obsplan.plugins import class_of
 from obsplan.scenario.areas import Role, Shape, as_entry, as_fence, common, shapes_of
+from obsplan.scenario.choice import options
+from obsplan.scenario.equipment import Equipment
 from obsplan.scenario.plausible import check_metres_are_metres, known_speeds
-from obsplan.scenario.tables import AreaTable, MissionSurvey, ScenarioTable
-from obsplan.sensors import SENSORS, Heading
-from obsplan.surveys import SURVEYS, Motion, Reference, Waypoints
+from obsplan.scenario.tables import AreaTable, MissionSurvey
+from obsplan.surveys import SURVEYS, Formation, Motion, Reference, Waypoints
 from obsplan.types import ObsplanError, Pose
-from obsplan.vehicles import DeadReckoning, Unicycle
+from obsplan.vehicles import Unicycle
 
 MOST_STEPS = 2_000_000  # about 1 GB of records with eight AUVs
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scenario:
+class Scenario(Equipment):
     """What a scenario file says, and what follows from it; built by `load` or `from_dict`.
 
     ``source`` is the file's name for messages, ``folder`` where its relative paths start.
     """
 
-    table: ScenarioTable
-    source: str = "scenario"
     folder: Path = Path()
 
     def check(self) -> None:
@@ -50,6 +50,7 @@ class Scenario:
         if len(set(names)) < len(names):
             raise self.error("auv", f"the names {names} are not all different; rename one")
         _ = self.motions, self.ping_every, self.decide_every, self.constraints
+        _ = self.vehicles, self.range_sensor, self.estimator
         self.planner()
 
     def __repr__(self) -> str:
@@ -66,17 +67,21 @@ class Scenario:
         return f"<Scenario {table.name}: {', '.join(parts)}>"
 
     def replace(
-        self, *, planner: str | dict[str, Any] | None = None, **settings: Any
+        self, *, planner: str | dict[str, Any] | Planner | None = None, **settings: Any
     ) -> "Scenario":
         """The same scenario with other values for some keys, all of it checked again.
 
         Parameters
         ----------
         planner
-            A planner by name, at the same interval and knowledge and before any ``planner__...``; or its whole table.
+            A planner by name, or as an object, at the same interval and knowledge and before any
+            ``planner__...``; or its whole table.
         settings
-            Values by key, in the units of `obsplan schema`: a key of a table after two underscores, ``cna__speed=2.0``; an entry of a list
-            by its number, ``auv__0__speed=0.5``. None is the default.
+            Values by key, in the units of `obsplan schema`: a key of a table after two underscores,
+            ``cna__speed=2.0``; an entry of a list by its number, ``auv__0__speed=0.5``. None is the
+            default. An object may stand for the table of a survey, vehicle, ranging or estimator,
+            ``estimator=MyEkf(gain=2.0)``; keys that every kind has, such as the time between
+            ranges, stay.
 
         Raises
         ------
@@ -87,10 +92,6 @@ class Scenario:
 
         named = {} if planner is None else {"planner": planner}
         return changed(self, named | settings)
-
-    def error(self, key: str, what: object) -> ObsplanError:
-        """An error at a key of this scenario."""
-        return ObsplanError(f"{self.source}: {key}: {what}")
 
     @cached_property
     def cna(self) -> Unicycle:
@@ -120,9 +121,10 @@ class Scenario:
         if isinstance(auv.survey, MissionSurvey):
             survey = self._mission(auv.survey, paced=auv.speed is None)
             return survey.reference(speed=auv.speed, current=current)
-        survey = SURVEYS[auv.survey.kind](**options(SURVEYS[auv.survey.kind], auv.survey))
-        if auv.survey.kind != "formation":
-            return survey.reference(speed=auv.speed, current=current)
+        cls = class_of(auv.survey.kind, SURVEYS)
+        survey = cls(**options(cls, auv.survey))
+        if not isinstance(survey, Formation):
+            return _asked(survey, auv.speed, current)
         if survey.leader not in done:
             raise ValueError(
                 f'leader "{survey.leader}" is not an AUV listed before "{auv.name}"; listed are {list(done) or "none"}'
@@ -208,47 +210,6 @@ class Scenario:
         """Indices of the sample instants at which ranges are measured; none at time 0."""
         return np.arange(self.ping_every, self.time.size, self.ping_every)
 
-    @property
-    def auv_model(self) -> DeadReckoning:
-        """The AUVs' motion, of the truth and of the filter."""
-        return DeadReckoning(current=self.table.environment.current)
-
-    @property
-    def range_sensor(self) -> Any:
-        """The range or squared-range sensor."""
-        return SENSORS[self.table.ranging.kind](sigma=self.table.ranging.sigma)
-
-    @property
-    def heading_sensor(self) -> Heading:
-        """The compass."""
-        return Heading(sigma=float(np.deg2rad(self.table.ranging.heading_sigma_deg)))
-
-    def process_noise(self, *, assumed: bool = False) -> Float[np.ndarray, "auvs 4"]:
-        """Standard deviations per square root of a second of (east, north, heading, speed): the truth's, or those the filter assumes."""
-        override = self.table.estimator.process_noise if assumed else None
-        noises = [override or auv.process_noise for auv in self.table.auv]
-        return np.array(
-            [[n.position, n.position, np.deg2rad(n.heading_deg), n.speed] for n in noises]
-        )
-
-    def first_estimates(
-        self, truth: Float[np.ndarray, "auvs 4"], error: Float[np.ndarray, "auvs 4"]
-    ) -> tuple[Float[np.ndarray, "auvs 4"], Float[np.ndarray, "auvs 4 4"]]:
-        """The filters' first means and covariances; what is not given is the truth plus a standard normal error times its sigma."""
-        firsts = [auv.first_estimate for auv in self.table.auv]
-        heading = [None if f.heading_deg is None else np.deg2rad(f.heading_deg) for f in firsts]
-        given = np.array(
-            [[f.x, f.y, h, f.speed] for f, h in zip(firsts, heading, strict=True)], dtype=float
-        )  # None becomes nan
-        sigma = np.array(
-            [
-                [f.sigma_position, f.sigma_position, np.deg2rad(f.sigma_heading_deg), f.sigma_speed]
-                for f in firsts
-            ]
-        )
-        mean = np.where(np.isnan(given), truth + sigma * error, given)
-        return mean, np.stack([np.diag(row**2) for row in sigma])
-
     def planner(self) -> Planner:
         """Build the planner, told of the situation where it has such a field.
 
@@ -263,18 +224,20 @@ class Scenario:
         if "situation" in signature(cls).parameters:
             given["situation"] = self.situation
         try:
-            return cls(**given)
-        except ValueError as error:
+            planner = cls(**given)
+            check_planner(planner)
+        except (ValueError, ObsplanError) as error:
             raise self.error("planner", error) from None
+        return planner
 
     @cached_property
     def situation(self) -> Situation:
         """What planners are told, once."""
-        ranging = self.table.ranging
+        sigma = self.range_sensor.sigma
         return Situation(
             self.cna,
-            ranging=Ranging(ranging.sigma, squared=ranging.kind == "squared-range"),
-            ping_interval=ranging.interval,
+            ranging=Ranging(sigma, squared=self.ranging_kind == "squared-range"),
+            ping_interval=self.table.ranging.interval,
             heading_sigma=self.heading_sensor.sigma,
             decision_interval=self.decide_every * self.table.time_step,
             constraints=self.constraints,
@@ -357,6 +320,17 @@ class Scenario:
         return data
 
 
+def _asked(survey: Any, speed: float | None, current: Float[np.ndarray, " 2"]) -> Reference:
+    """Motion of a survey, whoever wrote it."""
+    reference = survey.reference(speed=speed, current=current)
+    if not isinstance(reference, Reference):
+        raise ValueError(
+            f"reference must return an obsplan.Reference, got {type(reference).__name__}; "
+            "correct the class"
+        )
+    return reference
+
+
 def _waypoints(reference: Reference) -> dict[str, Any]:
     """Table of the survey that has a reference's vertices and holds, and its speeds where they are the survey's own."""
     survey: dict[str, Any] = {"kind": "waypoints", "points": reference.polyline.tolist()}
@@ -365,14 +339,3 @@ def _waypoints(reference: Reference) -> dict[str, Any]:
     if reference.hold is not None:
         survey["holds"] = reference.hold.tolist()
     return survey
-
-
-def options(cls: type, table: Any) -> dict[str, Any]:
-    """Constructor arguments of a dataclass from its table; ``heading_deg`` becomes ``heading`` [rad]."""
-    values = {}
-    for f in fields(cls):
-        if f.name == "heading":
-            values["heading"] = float(np.deg2rad(table.heading_deg))
-        elif hasattr(table, f.name):
-            values[f.name] = getattr(table, f.name)
-    return values

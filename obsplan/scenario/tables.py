@@ -1,50 +1,21 @@
 """Every key a scenario file may have: its type, its limits, its default, and in its description its unit."""
 
-from dataclasses import MISSING, fields
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, create_model, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
+from obsplan.estimators import ESTIMATORS
 from obsplan.missions import READERS
 from obsplan.planners import PLANNERS, planner_class
 from obsplan.scenario.base import NonNegative, Positive, Table
+from obsplan.scenario.choice import Choice
 from obsplan.scenario.export import ExportTable
-from obsplan.scenario.places import Corners, Degrees, Place, Position
+from obsplan.scenario.places import Corners, Degrees, Place
+from obsplan.sensors import SENSORS
 from obsplan.surveys import SURVEYS
-from obsplan.types import Point, Points
-
-# what a file holds where a constructor takes east and north: places, in metres or degrees
-IN_FILES: dict[Any, Any] = {
-    Point: Position,
-    Point | None: Position | None,  # pyright: ignore[reportOperatorIssue]
-    Points: Corners,
-}
+from obsplan.vehicles import VEHICLES
 
 MISSION_FILE = f"mission file ({', '.join(READERS)}), relative to the scenario file"
-
-
-def table_of(cls: type, name: str, *, kind: str) -> type[Table]:
-    """Table with a key for every field of a dataclass but ``situation``, which a scenario tells.
-
-    A field ``heading`` becomes the key ``heading_deg``, x and y make a `Place`. A field's description
-    is the string in its ``Annotated`` type.
-    """
-    keys: dict[str, Any] = {"kind": (Literal[kind], Field(default=kind, description="which one"))}
-    hints = get_type_hints(cls, include_extras=True)
-    for f in fields(cls):
-        if f.name == "situation":
-            continue
-        hint, default = hints[f.name], ... if f.default is MISSING else f.default
-        description = hint.__metadata__[0] if hasattr(hint, "__metadata__") else ""
-        hint = IN_FILES.get(getattr(hint, "__origin__", hint), hint)
-        key, description = (
-            (f"{f.name}_deg", description.replace("[rad]", "[deg]"))
-            if f.name == "heading"
-            else (f.name, description)
-        )
-        keys[key] = (hint, Field(default, description=description))
-    base = Place if {"x", "y"} <= keys.keys() else Table
-    return create_model(name, __base__=base, __module__=__name__, **keys)
 
 
 class Origin(Degrees):
@@ -110,11 +81,85 @@ class ProcessNoise(Table):
     )
 
 
-SURVEY_TABLES = tuple(table_of(cls, cls.__name__, kind=kind) for kind, cls in SURVEYS.items())
+class VehicleTable(Table):
+    """How an AUV moves."""
+
+    kind: str = Field(description="model of the AUV's motion")
+
+
+class RangingTable(Table):
+    """Acoustic ranging and the compass."""
+
+    kind: str = Field(description="what is measured with Gaussian error")
+    interval: Positive = Field(default=15.0, description="time between ranges to each AUV [s]")
+    heading_sigma_deg: Positive = Field(
+        default=1.0, description="standard deviation of the measured heading [deg]"
+    )
+
+
+class EstimatorTable(Table):
+    """The AUVs' filter."""
+
+    kind: str = Field(description="which filter")
+    process_noise: ProcessNoise | None = Field(
+        default=None, description="what the filter assumes; default: the truth's"
+    )
+
+
+class PlannerTable(Table):
+    """Keys that every planner has."""
+
+    kind: str = Field(description="which one")
+    interval: Positive | None = Field(
+        default=None, description="time between decisions [s]; default: about 1 s"
+    )
+    knowledge: Literal["estimate", "estimate-and-survey", "survey", "truth"] = Field(
+        default="estimate", description="what the planner is given of the AUVs"
+    )
+
+
+SURVEY = Choice(
+    what="survey",
+    known=SURVEYS,
+    needs=("reference",),
+    besides=(MissionSurvey,),
+)
+VEHICLE = Choice(
+    what="vehicle",
+    known=VEHICLES,
+    needs=("states", "step"),
+    base=VehicleTable,
+    told=("current",),
+    default="dead-reckoning",
+)
+RANGING = Choice(
+    what="ranging",
+    known=SENSORS,
+    needs=("sigma", "periodic", "measure", "deviation"),
+    base=RangingTable,
+    default="range",
+)
+ESTIMATOR = Choice(
+    what="estimator",
+    known=ESTIMATORS,
+    needs=("states", "predict", "update"),
+    base=EstimatorTable,
+    default="ekf",
+)
+PLANNER = Choice(
+    what="planner",
+    known={name: planner_class(name) for name in (*PLANNERS, "default")},
+    needs=("plan",),
+    base=PlannerTable,
+    told=("situation",),
+)
+CHOICES = (SURVEY, VEHICLE, RANGING, ESTIMATOR, PLANNER)
 if TYPE_CHECKING:  # these are unions of tables built at run time
-    Survey = Planner = Any
+    Survey = Vehicle = Ranging = Estimator = Planner = Any
 else:
-    Survey = Annotated[Union[(*SURVEY_TABLES, MissionSurvey)], Field(discriminator="kind")]
+    Survey, Vehicle = SURVEY.annotation(), VEHICLE.annotation()
+    Ranging, Estimator = RANGING.annotation(), ESTIMATOR.annotation()
+    Planner = PLANNER.annotation()
 
 
 class Auv(Table):
@@ -130,6 +175,9 @@ class Auv(Table):
     )
     weight: NonNegative = Field(default=1.0, description="weight in the planner's objective")
     survey: Survey = Field(description="what it follows over ground")  # pyright: ignore[reportInvalidTypeForm]
+    vehicle: Vehicle = Field(  # pyright: ignore[reportInvalidTypeForm]
+        default=VEHICLE.default_table(), description="how it moves"
+    )
     first_estimate: FirstEstimate = FirstEstimate()
     process_noise: ProcessNoise = ProcessNoise()
 
@@ -139,21 +187,6 @@ class Environment(Table):
 
     current: tuple[float, float] = Field(
         default=(0.0, 0.0), description="uniform current, east and north [m/s]"
-    )
-
-
-class Ranging(Table):
-    """Acoustic ranging and the compass."""
-
-    kind: Literal["range", "squared-range"] = Field(
-        default="range", description="what is measured with Gaussian error"
-    )
-    interval: Positive = Field(default=15.0, description="time between ranges to each AUV [s]")
-    sigma: Positive = Field(
-        default=1.0, description="standard deviation [m], of a squared range [m^2]"
-    )
-    heading_sigma_deg: Positive = Field(
-        default=1.0, description="standard deviation of the measured heading [deg]"
     )
 
 
@@ -204,38 +237,6 @@ class ConstraintsTable(Table):
     )
 
 
-class Estimator(Table):
-    """The AUVs' filter."""
-
-    kind: Literal["ekf"] = Field(default="ekf", description="extended Kalman filter")
-    process_noise: ProcessNoise | None = Field(
-        default=None, description="what the filter assumes; default: the truth's"
-    )
-
-
-class PlannerTable(Table):
-    """Keys that every planner has."""
-
-    interval: Positive | None = Field(
-        default=None, description="time between decisions [s]; default: about 1 s"
-    )
-    knowledge: Literal["estimate", "estimate-and-survey", "survey", "truth"] = Field(
-        default="estimate", description="what the planner is given of the AUVs"
-    )
-
-
-def planner_table(name: str) -> type[PlannerTable]:
-    """Table of one planner: the common keys and its own fields."""
-    cls = planner_class(name)
-    own = table_of(cls, f"{cls.__name__}Options", kind=name)
-    return create_model(f"{cls.__name__}Table", __base__=(PlannerTable, own), __module__=__name__)  # pyright: ignore[reportReturnType]
-
-
-PLANNER_TABLES = {name: planner_table(name) for name in (*PLANNERS, "default")}
-if not TYPE_CHECKING:
-    Planner = Annotated[Union[(*PLANNER_TABLES.values(),)], Field(discriminator="kind")]
-
-
 class ScenarioTable(Table):
     """A whole scenario file."""
 
@@ -256,11 +257,11 @@ class ScenarioTable(Table):
     cna: Cna
     auv: tuple[Auv, ...] = Field(min_length=1, description="the survey vehicles")
     environment: Environment = Environment()
-    ranging: Ranging = Ranging()
+    ranging: Ranging = Field(default=RANGING.default_table(), description="ranges and compass")
     constraints: ConstraintsTable = ConstraintsTable()
-    estimator: Estimator = Estimator()
+    estimator: Estimator = Field(default=ESTIMATOR.default_table(), description="the AUVs' filter")
     planner: Planner = Field(
-        default=PLANNER_TABLES["default"](), description="who steers the aid vehicle"
+        default=PLANNER.table("default")(), description="who steers the aid vehicle"
     )
     export: ExportTable = ExportTable()
 

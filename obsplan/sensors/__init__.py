@@ -1,9 +1,13 @@
-"""Sensors, one file each: ``measure(x, beacon)`` as a CasADi expression, the standard deviation ``sigma`` of its error."""
+"""Sensors, one file each: ``measure`` and ``deviation`` of its error as CasADi expressions.
+
+`SENSORS` are those that may stand in ``[ranging]``; every AUV has a compass, `Heading`, besides.
+"""
 
 from obsplan.sensors.heading import Heading
 from obsplan.sensors.range import Range
+from obsplan.sensors.sensor import Sensor
 from obsplan.sensors.squared_range import SquaredRange
 
-SENSORS = {"range": Range, "squared-range": SquaredRange, "heading": Heading}
+SENSORS = {"range": Range, "squared-range": SquaredRange}
 
-__all__ = ["SENSORS", "Heading", "Range", "SquaredRange"]
+__all__ = ["SENSORS", "Heading", "Range", "Sensor", "SquaredRange"]

@@ -1,6 +1,7 @@
 """The AUV's compass."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import casadi as ca
 
@@ -9,9 +10,14 @@ import casadi as ca
 class Heading:
     """Heading [rad] counter-clockwise from east, with Gaussian error; innovations are wrapped to half a turn."""
 
+    periodic: ClassVar[bool] = True
+
     sigma: float  # [rad]
-    periodic: bool = True
 
     def measure(self, x: ca.SX, beacon: ca.SX) -> ca.SX:  # noqa: ARG002 - every sensor has the same signature
         """Heading [rad] of state x; the beacon plays no part."""
         return x[2]
+
+    def deviation(self, x: ca.SX, beacon: ca.SX) -> float:  # noqa: ARG002 - as `measure`
+        """Standard deviation [rad], the same everywhere."""
+        return self.sigma

@@ -1,8 +1,12 @@
 """Acoustic range to the aid vehicle."""
 
 from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 import casadi as ca
+from pydantic import Field
+
+from formulations.model.covariance import deviation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -12,8 +16,9 @@ class Range:
     A slant range is taken to be reduced to the horizontal with the AUV's depth, which it measures well (thesis 2.2).
     """
 
-    sigma: float  # [m]
-    periodic: bool = False
+    periodic: ClassVar[bool] = False
+
+    sigma: Annotated[float, "standard deviation [m]", Field(gt=0)] = 1.0
 
     def measure(self, x: ca.SX, beacon: ca.SX) -> ca.SX:
         """Range [m] from state x to the beacon (east, north)."""
@@ -21,3 +26,7 @@ class Range:
         apart = squared > 0
         # the root of a safe argument: at coincidence the derivative is 0 (no direction, no information), not nan
         return ca.if_else(apart, ca.sqrt(ca.if_else(apart, squared, 1.0)), 0.0)
+
+    def deviation(self, x: ca.SX, beacon: ca.SX) -> ca.SX | float:
+        """Standard deviation [m] of the range from state x to the beacon."""
+        return deviation(self.sigma, beacon[:2] - x[:2])

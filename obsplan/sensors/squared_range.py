@@ -1,17 +1,26 @@
 """Squared range to the aid vehicle, the thesis's measurement."""
 
 from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 import casadi as ca
+from pydantic import Field
+
+from formulations.model.covariance import deviation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SquaredRange:
     """Squared horizontal distance [m^2] to a beacon of known position, Gaussian error of constant standard deviation (thesis 4.1)."""
 
-    sigma: float  # [m^2]
-    periodic: bool = False
+    periodic: ClassVar[bool] = False
+
+    sigma: Annotated[float, "standard deviation of the square [m^2]", Field(gt=0)] = 1.0
 
     def measure(self, x: ca.SX, beacon: ca.SX) -> ca.SX:
         """Squared range [m^2] from state x to the beacon (east, north)."""
         return (x[0] - beacon[0]) ** 2 + (x[1] - beacon[1]) ** 2
+
+    def deviation(self, x: ca.SX, beacon: ca.SX) -> ca.SX | float:
+        """Standard deviation [m^2] of the squared range from state x to the beacon."""
+        return deviation(self.sigma, beacon[:2] - x[:2])

@@ -6,7 +6,8 @@ import numpy as np
 
 from formulations.model.covariance import pack_array
 from obsplan.scenario import Scenario
-from obsplan.simulation.step import Carry, Inputs, N
+from obsplan.scenario.states import first_covariance, first_mean, first_truth, noise
+from obsplan.simulation.step import Carry, Inputs
 from obsplan.types import Pose
 
 
@@ -28,11 +29,12 @@ def mission_inputs(scenario: Scenario, start: Pose, seed: int) -> tuple[Carry, I
     process, measurement, _ = streams(seed)
     survey = np.stack(
         [np.column_stack([m.position, m.heading, m.speed]) for m in scenario.motions], axis=1
-    )  # samples, AUVs, N
+    )  # samples, AUVs, basic states
     steps, auvs = len(survey) - 1, survey.shape[1]
-    carry = first_carry(scenario, start, survey[0], measurement.standard_normal((auvs, N)))
-    index, sensors = np.arange(steps), (scenario.heading_sensor, scenario.range_sensor)
-    errors = [measurement.standard_normal((steps, auvs, 1)) * sensor.sigma for sensor in sensors]
+    truth = first_truth(scenario, survey[0])
+    carry = first_carry(scenario, start, truth, measurement.standard_normal(truth.shape))
+    index = np.arange(steps)
+    heading_error, range_error = (measurement.standard_normal((steps, auvs, 1)) for _ in range(2))
     inputs = Inputs(
         time=scenario.time[:-1, None, None],
         decide=(index % scenario.decide_every == 0)[:, None, None],
@@ -40,19 +42,19 @@ def mission_inputs(scenario: Scenario, start: Pose, seed: int) -> tuple[Carry, I
         ping=((index + 1) % scenario.ping_every == 0)[:, None, None],
         survey=survey[:-1],
         steer=survey[1:, :, 2:],
-        disturbance=process.standard_normal((steps, auvs, N))
-        * scenario.process_noise()
+        disturbance=process.standard_normal((steps, *truth.shape))
+        * noise(scenario, scenario.truth_states)
         * np.sqrt(scenario.table.time_step),
-        heading_error=errors[0],
-        range_error=errors[1],
+        heading_error=heading_error * scenario.heading_sensor.sigma,
+        range_error=range_error,
     )
     return carry, Inputs(*(np.ascontiguousarray(a, dtype=float) for a in inputs))
 
 
 def first_carry(scenario: Scenario, start: Pose, truth: np.ndarray, error: np.ndarray) -> Carry:
     """Truth, first estimates and the aid vehicle's pose at time 0."""
-    mean, covariance = scenario.first_estimates(truth, error)
-    lower = pack_array(covariance)
+    mean = first_mean(scenario, truth, error)
+    lower = pack_array(first_covariance(scenario, scenario.filter_states))
     cna, command = (
         np.array([[start.x, start.y, start.heading]]),
         np.array([[0.0, scenario.cna.speed]]),

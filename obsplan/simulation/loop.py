@@ -26,6 +26,7 @@ from obsplan.planning.interface import (
 from obsplan.planning.limits import within_limits
 from obsplan.run import Run, Timing, record
 from obsplan.scenario import Scenario, load
+from obsplan.scenario.states import BASIC
 from obsplan.simulation.inputs import mission_inputs
 from obsplan.simulation.step import Carry, Inputs, Log, StepBuilder, folded, shape_of
 from obsplan.surveys import Reference
@@ -102,12 +103,12 @@ class ClosedLoop:
         began, progress = perf_counter(), progress or (lambda _done, _steps: None)
         start = start or self.start
         first, inputs = mission_inputs(self.scenario, start, seed)
-        steps, auvs = len(inputs.time), len(self.scenario.table.auv)
+        steps = len(inputs.time)
         planner = self.planner
         if isinstance(planner, Prepares):
             progress = prepared(planner, start, progress)
         carry = Carry(*(np.concatenate([a[None], np.empty((steps, *a.shape))]) for a in first))
-        log = Log(*(np.empty((steps, *shape_of(name, auvs))) for name in Log._fields))
+        log = Log(*(np.empty((steps, *shape_of(name, self.scenario))) for name in Log._fields))
         decisions: list[float] = []
         if isinstance(planner, HasCommands):
             inputs.given[:, 0] = planner.commands
@@ -174,8 +175,9 @@ class ClosedLoop:
         """What the planner is told of each AUV."""
         scenario, now = self.scenario, float(inputs.time[k].item())
         knowledge = scenario.table.planner.knowledge
-        means = {"survey": inputs.survey, "truth": carry.truth}.get(knowledge, carry.reported)[k]
-        covariances = unpack_array(carry.reported_covariance[k])
+        told = {"survey": inputs.survey, "truth": carry.truth}.get(knowledge, carry.reported)
+        means = told[k, :, :BASIC]
+        covariances = unpack_array(carry.reported_covariance[k])[:, :BASIC, :BASIC]
         routes = [
             None if knowledge == "estimate" else route(*known, now)
             for known in zip(scenario.references, means, strict=True)

@@ -8,28 +8,26 @@ import numpy as np
 
 from formulations.model.casadi import symbol
 from formulations.model.covariance import pack, unpack
-from obsplan.estimators import Ekf
+from obsplan.estimators import Process
 from obsplan.planning.expressions import Expression, Targets, guarded
 from obsplan.planning.interface import Planner, expression_of
 from obsplan.scenario import Scenario
-
-N = 4  # states of an AUV: east, north [m], heading [rad], speed through the water [m/s]
-HALF = N * (N + 1) // 2  # entries of a covariance's lower triangle
+from obsplan.scenario.states import BASIC, noise
 
 
 class Carry(NamedTuple):
     """What one step hands to the next: expressions with one column per AUV, or arrays with axes (..., AUV, row).
 
-    Covariances are their lower triangles by columns.
+    Truths have the n states of the vehicles, estimates the m of the filter. Covariances are their lower triangles by columns.
     """
 
     cna: Any  # 3: east, north, heading
     command: Any  # 2: turn rate, speed
-    truth: Any  # N x M
-    mean: Any  # N x M
-    covariance: Any  # HALF x M
-    reported: Any  # N x M, the mean as last reported at a ping and dead-reckoned since
-    reported_covariance: Any  # HALF x M
+    truth: Any  # n x M
+    mean: Any  # m x M
+    covariance: Any  # m (m + 1) / 2 x M
+    reported: Any  # m x M, the mean as last reported at a ping and dead-reckoned since
+    reported_covariance: Any  # as covariance
 
 
 class Inputs(NamedTuple):
@@ -39,11 +37,11 @@ class Inputs(NamedTuple):
     decide: Any  # 1, whether a decision is due
     given: Any  # 2: turn rate, speed, of a planner that is no expression
     ping: Any  # 1, whether ranges are measured at the step's end
-    survey: Any  # N x M, the reference at the step's beginning
+    survey: Any  # 4 x M, the reference at the step's beginning
     steer: Any  # 2 x M, heading and speed of the reference at the step's end
-    disturbance: Any  # N x M, process noise over the step
-    heading_error: Any  # 1 x M, of the measurement at the step's end
-    range_error: Any  # 1 x M
+    disturbance: Any  # n x M, process noise over the step
+    heading_error: Any  # 1 x M, of the measurement at the step's end [rad]
+    range_error: Any  # 1 x M, in standard deviations
 
 
 class Log(NamedTuple):
@@ -55,17 +53,6 @@ class Log(NamedTuple):
     status: Any  # 1
 
 
-ROWS = {
-    "cna": 3,
-    "command": 2,
-    "given": 2,
-    "covariance": HALF,
-    "reported_covariance": HALF,
-    "truth": N,
-    "mean": N,
-    "reported": N,
-}
-ROWS |= {"survey": N, "steer": 2, "disturbance": N}
 OF_ALL = (
     "cna",
     "command",
@@ -78,9 +65,14 @@ OF_ALL = (
 )  # one column, however many AUVs
 
 
-def shape_of(name: str, auvs: int) -> tuple[int, int]:
+def shape_of(name: str, scenario: Scenario) -> tuple[int, int]:
     """Axes (column, row) of a field, as arrays have them."""
-    return 1 if name in OF_ALL else auvs, ROWS.get(name, 1)
+    n, m = len(scenario.truth_states), len(scenario.filter_states)
+    half = m * (m + 1) // 2
+    rows = {"cna": 3, "command": 2, "given": 2, "survey": BASIC, "steer": 2}
+    rows |= {"truth": n, "disturbance": n, "mean": m, "reported": m}
+    rows |= {"covariance": half, "reported_covariance": half}
+    return 1 if name in OF_ALL else len(scenario.table.auv), rows.get(name, 1)
 
 
 def folded(scenario: Scenario, planner: Planner) -> Expression | None:
@@ -98,7 +90,7 @@ class StepBuilder:
     def build(self) -> ca.Function:
         """The Function (Carry, Inputs) -> (Carry, Log)."""
         auvs = len(self.scenario.table.auv)
-        of = lambda name: symbol(name, *shape_of(name, auvs)[::-1])  # noqa: E731
+        of = lambda name: symbol(name, *shape_of(name, self.scenario)[::-1])  # noqa: E731
         carry, inputs = Carry(*map(of, Carry._fields)), Inputs(*map(of, Inputs._fields))
         command, score, condition, status = self._decide(carry, inputs)
         cna = self.scenario.cna.step(carry.cna, command, self.scenario.table.time_step)
@@ -119,7 +111,7 @@ class StepBuilder:
             return inputs.given, ca.SX.nan(1), ca.SX.nan(1, carry.truth.shape[1]), ca.SX.nan(1)
         known = {"survey": inputs.survey, "truth": carry.truth}.get(
             self.scenario.table.planner.knowledge, carry.reported
-        )
+        )[:BASIC, :]
         new = guarded(
             expression,
             inputs.time,
@@ -135,35 +127,39 @@ class StepBuilder:
         auvs = self.scenario.table.auv
         current = ca.repmat(ca.SX(ca.DM(self.scenario.table.environment.current)), 1, len(auvs))
         weight = ca.SX(ca.DM([auv.weight for auv in auvs]))
-        return Targets(
-            known, current, carry.reported_covariance[[0, 1, N], :], weight
-        )  # P11, P21, P22 of a lower triangle by columns
+        second = len(self.scenario.filter_states)  # where the second column of the triangle begins
+        position = carry.reported_covariance[[0, 1, second], :]
+        return Targets(known, current, position, weight)
 
     def _auv(self, i: int, cna: ca.SX, carry: Carry, inputs: Inputs) -> tuple[ca.SX, ...]:
         """Truth, mean, covariance, report and range of one AUV at the step's end."""
-        ekf, compass, ranging = (
-            self._filter(i),
-            self.scenario.heading_sensor,
-            self.scenario.range_sensor,
-        )
-        u = (
-            inputs.steer[:, i] - carry.truth[2:, i]
-        )  # the autopilot brings heading and speed back to the survey's, and measures what it did
-        truth = ekf.f(carry.truth[:, i], u) + inputs.disturbance[:, i]
-        x, P = ekf.predict(carry.mean[:, i], unpack(carry.covariance[:, i]), u)
-        x, P = ekf.update(x, P, compass.measure(truth, cna) + inputs.heading_error[i], compass, cna)
-        z = ranging.measure(truth, cna) + inputs.range_error[i]
-        x_ranged, P_ranged = ekf.update(x, P, z, ranging, cna)
+        scenario = self.scenario
+        vehicle, filtering, process = scenario.vehicles[i], scenario.estimator, self._process(i)
+        compass, ranging = scenario.heading_sensor, scenario.range_sensor
+        m = len(scenario.filter_states)
+        # the autopilot brings heading and speed back to the survey's, and measures what it did
+        u = inputs.steer[:, i] - carry.truth[2:BASIC, i]
+        moved = vehicle.step(carry.truth[:, i], u, scenario.table.time_step)
+        truth = moved + inputs.disturbance[:, i]
+        x, P = filtering.predict(carry.mean[:, i], unpack(carry.covariance[:, i], m), u, process)
+        heading = compass.measure(truth, cna) + inputs.heading_error[i]
+        x, P = filtering.update(x, P, heading, compass, cna)
+        error = ranging.deviation(truth, cna) * inputs.range_error[i]
+        z = ranging.measure(truth, cna) + error
+        x_ranged, P_ranged = filtering.update(x, P, z, ranging, cna)
         pinged = lambda value, otherwise: ca.if_else(inputs.ping, value, otherwise)  # noqa: E731
         x, P = pinged(x_ranged, x), pinged(pack(P_ranged), pack(P))
-        along = self.scenario.table.planner.knowledge == "estimate-and-survey"
-        turns = inputs.steer[:, i] - carry.reported[2:, i] if along else ca.SX.zeros(2)
-        reckoned, reckoned_P = ekf.predict(
-            carry.reported[:, i], unpack(carry.reported_covariance[:, i]), turns
+        along = scenario.table.planner.knowledge == "estimate-and-survey"
+        turns = inputs.steer[:, i] - carry.reported[2:BASIC, i] if along else ca.SX.zeros(2)
+        reckoned, reckoned_P = filtering.predict(
+            carry.reported[:, i], unpack(carry.reported_covariance[:, i], m), turns, process
         )
         return truth, x, P, pinged(x, reckoned), pinged(P, pack(reckoned_P)), pinged(z, np.nan)
 
-    def _filter(self, i: int) -> Ekf:
-        dt = self.scenario.table.time_step
-        Q = np.diag(self.scenario.process_noise(assumed=True)[i] ** 2 * dt)
-        return Ekf(f=lambda x, u: self.scenario.auv_model.step(x, u, dt), Q=ca.DM(Q))
+    def _process(self, i: int) -> Process:
+        """What the filter of an AUV assumes."""
+        scenario = self.scenario
+        assumed = noise(scenario, scenario.filter_states, assumed=True)[i]
+        return Process(
+            model=scenario.vehicles[i], noise=tuple(assumed), dt=scenario.table.time_step
+        )

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from obsplan.vehicles.state import STATES, States
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeadReckoning:
@@ -15,6 +17,11 @@ class DeadReckoning:
     """
 
     current: tuple[float, float] = (0.0, 0.0)  # east, north [m/s]
+
+    @property
+    def states(self) -> States:
+        """East, north, heading and speed."""
+        return STATES
 
     def step(self, x: ca.SX, u: ca.SX, dt: float) -> ca.SX:
         """State after dt seconds, as a CasADi expression."""

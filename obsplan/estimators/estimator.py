@@ -1,0 +1,40 @@
+"""What an AUV's filter is."""
+
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import casadi as ca
+
+from obsplan.sensors import Sensor
+from obsplan.vehicles import States, Vehicle
+
+
+class Process(NamedTuple):
+    """What a filter assumes of an AUV between two samples."""
+
+    model: Vehicle
+    noise: tuple[float, ...]  # of each of the filter's states, per square root of a second
+    dt: float  # [s]
+
+
+@runtime_checkable
+class Estimator(Protocol):
+    """A filter as CasADi expressions; a dataclass whose fields are keys of ``[estimator]``.
+
+    Its first mean and covariance follow from its states: the scenario's first estimate for east,
+    north, heading and speed, ``start`` and ``sigma`` of a `State` for the others, which are
+    independent. It holds nothing that changes: mean x and covariance P are handed in and out.
+    """
+
+    def states(self, model: Vehicle) -> States:
+        """Components of x by name: those of `STATES`, then any others."""
+        ...
+
+    def predict(self, x: ca.SX, P: ca.SX, u: ca.SX, process: Process) -> tuple[ca.SX, ca.SX]:
+        """Mean and covariance one sample later; u as in `Vehicle.step`."""
+        ...
+
+    def update(
+        self, x: ca.SX, P: ca.SX, z: ca.SX, sensor: Sensor, beacon: ca.SX
+    ) -> tuple[ca.SX, ca.SX]:
+        """Mean and covariance after the scalar measurement z, of the range or the heading."""
+        ...
