@@ -37,11 +37,18 @@ FIGURES = (
 LAYOUT = (
     "CREATE TABLE scenario (name TEXT PRIMARY KEY, base TEXT NOT NULL)",  # as last planned
     "CREATE TABLE varied (key TEXT PRIMARY KEY)",
-    """CREATE TABLE cell (id INTEGER PRIMARY KEY, key TEXT UNIQUE NOT NULL, base TEXT NOT NULL, scenario TEXT NOT NULL,
-       planner TEXT NOT NULL, content TEXT NOT NULL)""",
-    f"""CREATE TABLE mission (cell INTEGER NOT NULL REFERENCES cell, seed INTEGER NOT NULL, error TEXT,
-       {", ".join(f"{name} REAL" for name in FIGURES)}, auv TEXT NOT NULL, status_counts TEXT NOT NULL,
-       PRIMARY KEY (cell, seed)) WITHOUT ROWID""",
+    (
+        "CREATE TABLE cell (id INTEGER PRIMARY KEY, key TEXT UNIQUE NOT NULL, base TEXT NOT NULL, "
+        "scenario TEXT NOT NULL,\n"
+        "       planner TEXT NOT NULL, content TEXT NOT NULL)"
+    ),
+    (
+        "CREATE TABLE mission (cell INTEGER NOT NULL REFERENCES cell, seed INTEGER NOT NULL, "
+        "error TEXT,\n"
+        f"       {', '.join(f'{name} REAL' for name in FIGURES)}, auv TEXT NOT NULL, "
+        "status_counts TEXT NOT NULL,\n"
+        "       PRIMARY KEY (cell, seed)) WITHOUT ROWID"
+    ),
 )
 FORMAT = (
     zlib.crc32("".join(LAYOUT).encode()) >> 1

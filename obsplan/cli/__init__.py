@@ -21,7 +21,10 @@ EPILOG = (
 )
 
 app = typer.Typer(
-    help="Plan the path of an aid vehicle so that AUVs measuring only acoustic range to it know where they are.",
+    help=(
+        "Plan the path of an aid vehicle so that AUVs measuring only acoustic range to it know "
+        "where they are."
+    ),
     epilog=EPILOG,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -53,7 +56,7 @@ def options(
 
 
 def main() -> None:
-    """Run the command line: exit code 0 done, 2 what the user gave is wrong, 3 missions failed, 130 interrupted."""
+    """Run the command line; exit codes: 0 done, 2 bad input, 3 missions failed, 130 interrupted."""
     open_door()
     stopped = listen()
     try:
@@ -77,7 +80,7 @@ def main() -> None:
 
 
 def listen() -> Event:
-    """Note that Ctrl-C was typed: libraries in other languages turn the exception into one of theirs."""
+    """Note that Ctrl-C was typed: libraries in other languages turn it into errors of theirs."""
     stopped = Event()
 
     def stop(number: int, frame: FrameType | None) -> None:

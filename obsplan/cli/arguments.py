@@ -14,7 +14,7 @@ def scenario_names(incomplete: str) -> list[str]:
 
 
 def planner_names(incomplete: str) -> list[str]:
-    """Planners that begin so, or whose name after the last comma does, for the shell to complete."""
+    """Planners that begin so, or whose name after the last comma does, for shell completion."""
     from obsplan.planners import PLANNERS
 
     before, comma, last = incomplete.rpartition(",")

@@ -1,4 +1,4 @@
-"""Commands on one survey: fly it, compare planners on it, make it; and what there is to choose from."""
+"""Commands on one survey: fly it, compare planners on it, make it; and lists of what there is."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -21,7 +21,7 @@ def run(
     settings: Settings = None,
     out: Out = None,
 ) -> None:
-    """Simulate a survey: plan the aid vehicle's path, estimate, report, write files a vehicle can load."""
+    """Simulate a survey: plan the aid vehicle's path, estimate, report, write files to load."""
     from obsplan.report import (
         export_sentences,
         free_folder,
@@ -135,7 +135,10 @@ def thesis(
         Path | None,
         typer.Option(
             "--out",
-            help="Folder to make; default: ./thesis, then ./thesis-2, ... One that the same command began is resumed.",
+            help=(
+                "Folder to make; default: ./thesis, then ./thesis-2, ... One that the same "
+                "command began is resumed."
+            ),
         ),
     ] = None,
 ) -> None:
@@ -162,7 +165,7 @@ def new(
         ),
     ] = None,
 ) -> None:
-    """Write a commented scenario around your own survey, ready to run, and say what was understood of it."""
+    """Write a commented scenario around your survey, ready to run, and say what was understood."""
     from obsplan.scenario.account import write_new
     from obsplan.scenario.template import as_argument
     from obsplan.types import ObsplanError
@@ -178,7 +181,7 @@ def new(
 
 
 def scenarios() -> None:
-    """List the scenarios that come with obsplan, and those of the suite on which planners are compared."""
+    """List obsplan's own scenarios, and those of the suite on which planners are compared."""
     from obsplan.scenario import load, shipped, suite
 
     names = [*shipped(), *suite()]
@@ -205,10 +208,8 @@ def schema(
         say("")
         say(f"[{path}]" if path else "Top of the file")
         for key, kind, default, description in rows:
-            say(
-                f"  {key:18} {kind}{f', default {default}' if default not in ('', 'required') else ', required' if default else ''}",
-                indent=21,
-            )
+            note = ", required" if default == "required" else f", default {default}"
+            say(f"  {key:18} {kind}{note if default else ''}", indent=21)
             say(f"  {'':18} {description}", indent=21)
     say("")
     say(

@@ -1,4 +1,4 @@
-"""How far a task is: a bar on a terminal, elsewhere a line every half minute, both on standard error."""
+"""How far a task is: a bar on a terminal, elsewhere a line every half minute; standard error."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -15,7 +15,10 @@ Advance = Callable[..., None]  # of (done, in all), and if wished what is being 
 
 @contextmanager
 def progress(title: str) -> Iterator[Advance]:
-    """Show for the while how far a task is; gives the function to call with (done, in all) and, as it changes, a title."""
+    """Show how far a task is while it lasts.
+
+    Gives the function to call with (done, in all) and, as it changes, a title.
+    """
     with bar(title) if sys.stderr.isatty() else lines(title) as advance:
         yield advance
 
@@ -47,7 +50,7 @@ def bar(title: str) -> Iterator[Advance]:
 
 @contextmanager
 def lines(title: str) -> Iterator[Advance]:
-    """A line every `PULSE` seconds, whether or not there is anything new: a log tells work from a hang."""
+    """A line every `PULSE` seconds, news or not: so a log tells work from a hang."""
     state, ended = State(title), Event()
 
     def tell() -> None:
@@ -84,7 +87,8 @@ class State:
         if share == 0:
             return f"{self.title}: at work for {duration(taken)}"
         left = taken * (1 - share) / share
-        return f"{self.title}: {100 * share:.0f} % after {duration(taken)}, about {duration(left)} left"
+        done = f"{100 * share:.0f} % after {duration(taken)}"
+        return f"{self.title}: {done}, about {duration(left)} left"
 
 
 def duration(seconds: float) -> str:

@@ -27,7 +27,7 @@ LABEL_SHARE = 3  # one of so many parts of the width is a label's before its wor
 
 
 def open_door() -> None:
-    """Print something plainer for a letter that the terminal's encoding lacks, where an error would end the program."""
+    """Print something plainer for a letter that the terminal's encoding lacks, not an error."""
     codecs.register_error("plainer", plainer)
     if sys.stdout is None or sys.stderr is None:  # closed by who started us
         nobody = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - until the end
@@ -38,7 +38,7 @@ def open_door() -> None:
 
 
 def plainer(error: UnicodeError) -> tuple[str, int]:
-    """Letters without their accents, hyphens for dashes, question marks for the rest; and where to go on."""
+    """Letters without accents, hyphens for dashes, question marks else; and where to go on."""
     assert isinstance(error, UnicodeEncodeError)
     letters = unicodedata.normalize("NFKD", error.object[error.start : error.end])
     bare = (letter for letter in letters if not unicodedata.combining(letter))
@@ -47,12 +47,12 @@ def plainer(error: UnicodeError) -> tuple[str, int]:
 
 
 def say(text: str, *, indent: int = 0) -> None:
-    """Print a line: wrapped on a terminal, what follows indented; whole in a pipe, for other programs to read."""
+    """Print a line: on a terminal wrapped, what follows indented; whole in a pipe."""
     put((wrapped(text, indent) if sys.stdout.isatty() else text) + "\n")
 
 
 def say_next(*words: str) -> None:
-    """Print the command to go on with, quoted as a shell needs it and never wrapped, so that it can be pasted."""
+    """Print the command to go on with, quoted for a shell and never wrapped: it can be pasted."""
     put(f"Next: obsplan {shlex.join(words)}\n")
 
 
@@ -62,7 +62,7 @@ def complain(text: str) -> None:
 
 
 def wrapped(text: str, indent: int = 0) -> str:
-    """Text in lines no longer than the terminal's, broken at blanks only: paths and numbers stay whole."""
+    """Text in lines no longer than the terminal's, broken at blanks: paths and numbers stay."""
     return textwrap.fill(
         text,
         width=shutil.get_terminal_size().columns,
@@ -84,7 +84,8 @@ def keeping(folder: Path) -> Iterator[None]:
         yield
     except KeyboardInterrupt:
         complain(
-            f"interrupted; what is finished is kept in {folder}, and the same command goes on from there"
+            f"interrupted; what is finished is kept in {folder}, and the same command goes on "
+            "from there"
         )
         sys.exit(INTERRUPTED)  # not by way of `main`, which says that nothing was written
 
@@ -92,7 +93,8 @@ def keeping(folder: Path) -> Iterator[None]:
 def put(text: str, stream: TextIO | None = None) -> None:
     """Write to a stream, standard output unless another is given.
 
-    When its reader has gone (`| head`), what follows is written to nobody: the program ends as it would have.
+    When its reader has gone (`| head`), what follows is written to nobody: the program ends as it
+    would have.
 
     Raises
     ------
@@ -121,7 +123,7 @@ def unwritable(error: OSError) -> Exception:
 
 
 def show(table: "Table") -> None:
-    """Print a table in the width of the terminal, or of the variable COLUMNS; in a pipe in its own."""
+    """Print a table in the width of the terminal or of COLUMNS; in a pipe in its own."""
     from rich.console import Console
 
     console = Console()
@@ -148,9 +150,10 @@ def natural_width(table: "Table", console: "Console") -> int:
 
 
 def fitted(table: "Table", console: "Console") -> "list[Table | Text]":
-    """The table where the console is wide enough, else several below each other: the labels with some of the numbers each.
+    """The table where the console is wide enough, else several below each other.
 
-    Numbers begin at the first column that is justified to the right. Of a number no digit is left out; headings are wrapped.
+    Each has the labels and some of the numbers. Numbers begin at the first column that is
+    justified to the right. Of a number no digit is left out; headings are wrapped.
     """
     if natural_width(table, console) <= console.width:
         return [table]
@@ -221,7 +224,7 @@ def longest_word(text: "Text") -> int:
 
 
 def narrow_table(table: "Table", blocks: Sequence[Block]) -> "Table":
-    """A table of the same rows and other columns; what is too long for its column goes on in the next line."""
+    """A table of the same rows and other columns; cells too long for their column are wrapped."""
     from rich.table import Table
 
     made = Table(

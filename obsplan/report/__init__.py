@@ -1,4 +1,4 @@
-"""Figures, tables, sentences and files from runs. Names load on first use: only figures need matplotlib, only tables rich."""
+"""Figures, tables, sentences and files from runs; loaded on use, as are matplotlib and rich."""
 
 from importlib import import_module
 from typing import Any

@@ -42,7 +42,10 @@ _LIMIT: dict[str, Any] = {"color": LIMIT, "lw": 1.0, "ls": (0, (1, 1.5))}
 
 
 def errors_figure(run: Run) -> Figure:
-    """Draw a row per AUV (east error, north error, distance) and a row of separation, predicted condition number and consistency."""
+    """Draw a row per AUV (errors east and north, distance) and a row for all of them.
+
+    That row has the separation, the predicted condition number and the consistency.
+    """
     rows = len(run.names) + 1
     figure = Figure(figsize=(WIDTH, ROW * rows + 1.0), layout="constrained")
     grid = GridSpec(rows, 6, figure=figure)

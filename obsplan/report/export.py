@@ -1,4 +1,4 @@
-"""A run's path as a mission for an autopilot, and what it costs to sail that instead of deciding on the way."""
+"""A run's path as a mission for an autopilot, and what it costs to sail it without deciding."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -140,9 +140,10 @@ def start_of(run: Run) -> Pose:
 
 
 def flown_track(run: Run, sagitta: float) -> tuple[Track, float]:
-    """The aid vehicle's path with its times, sampled so densely that the line through it is as near [m]; and how near.
+    """The aid vehicle's path with its times, and how near [m] the line through it is.
 
-    Between two samples the vehicle is on an arc.
+    It is sampled so densely that the sagitta is kept: between two samples the vehicle is on an
+    arc.
     """
     step, turn_rate, speed = run.scenario.table.time_step, run.turn_rate[:-1], run.speed[:-1]
     bulge = float(np.max(abs(turn_rate) * speed, initial=0.0)) * step**2 / 8
@@ -155,7 +156,7 @@ def flown_track(run: Run, sagitta: float) -> tuple[Track, float]:
 
 
 def judge(run: Run, track: Track, cna: Unicycle, progress: Progress | None = None) -> Costs:
-    """Sail a mission as loaded, on time and late, and the path as it was flown, under the noise of other seeds."""
+    """Sail a mission as loaded, on time and late, and the path as flown, under other noise."""
     seeds = tuple(run.seed + 1 + n for n in range(run.scenario.table.export.replays))
     ways = dict(_ways(run, track, cna))
     reacting = _quick_planner(run)

@@ -19,7 +19,7 @@ WITHOUT_LIMITS = {"waypoints", "gpx", "csv"}  # formats that hold no areas
 
 
 def export_sentences(export: Export) -> list[str]:
-    """Say how the mission differs from the path flown, what its files leave out, and what it costs to sail it."""
+    """Say how the mission differs from the path flown, what files leave out, and what it costs."""
     said = [_mission(export), _limits(export), _policy(export)]
     return [sentence for sentence in said if sentence]
 
@@ -84,8 +84,11 @@ def _policy(export: Export) -> str:
     late = {late_by(s): f"{s:.0f} s late" for s in LATE if late_by(s) in costs.rms_error}
     as_flown = f"the path as flown {_metres(costs.rms_error[FLOWN])}"
     told = [
-        f"sailed as loaded under the noise of {_seeds(costs.seeds)}, this one gives "
-        f"{_metres(costs.rms_error[ON_TIME])} RMS in the median{_broken(costs, ON_TIME)} ({as_flown})",
+        (
+            f"sailed as loaded under the noise of {_seeds(costs.seeds)}, this one gives "
+            f"{_metres(costs.rms_error[ON_TIME])} RMS in the median{_broken(costs, ON_TIME)} "
+            f"({as_flown})"
+        ),
         *(f"{when} {_late(costs, way)}" for way, when in late.items()),
     ]
     clauses = []

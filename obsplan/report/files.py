@@ -48,7 +48,7 @@ TRACK_COLUMNS = (
 
 
 def free_folder(out: Path | None, name: str) -> Path:
-    """Find where results can go: the folder asked for, else ``name``, ``name-2``, ... in the working directory.
+    """Find where results can go: the folder asked for, else ``name``, ``name-2``, ... here.
 
     Raises
     ------
@@ -70,7 +70,9 @@ def numbered(name: str) -> Iterator[Path]:
 
 
 def write_free(out: Path | None, name: str, write: Callable[[Path], None]) -> Path:
-    """Write into a `free_folder` and return it; where another program took the name meanwhile, into the next.
+    """Write into a `free_folder` and return it.
+
+    Where another program took the name meanwhile, the next name is tried.
 
     Raises
     ------
@@ -93,10 +95,12 @@ class FolderExistsError(ObsplanError):
 
 
 def write_run(run: Run, folder: Path | str, export: Export | None = None) -> None:
-    """Write a run's scenario, recording, tracks, paths for vehicles, figures and figures of merit into a new folder.
+    """Write all files of a run into a new folder.
 
-    The files are made in a hidden folder beside it, which gets its name when they are complete; whatever happens before, nothing is left
-    behind. The same run gives the same bytes in every file but ``timing.json``.
+    They are its scenario, recording, tracks, paths for vehicles, figures and figures of merit.
+    They are made in a hidden folder beside it, which gets its name when they are complete.
+    Whatever happens before, nothing is left behind. The same run gives the same bytes in every
+    file but ``timing.json``.
 
     Parameters
     ----------
@@ -126,7 +130,9 @@ def write_run(run: Run, folder: Path | str, export: Export | None = None) -> Non
 
 
 def write_comparison(rows: Rows, folder: Path | str, title: str = "") -> None:
-    """Write ``compare.csv``, a row per planner and seed, and ``compare.png`` into a new folder, as `write_run` does.
+    """Write ``compare.csv``, a row per planner and seed, and ``compare.png`` into a new folder.
+
+    It is written as by `write_run`.
 
     Raises
     ------
@@ -144,7 +150,9 @@ def write_comparison(rows: Rows, folder: Path | str, title: str = "") -> None:
 
 @contextmanager
 def new_folder(folder: Path) -> Iterator[Path]:
-    """Give a hidden folder to fill, and its name to it when that is done; on any exception remove it.
+    """Give a hidden folder to fill, and the folder's name to it when that is done.
+
+    On any exception it is removed.
 
     Raises
     ------
@@ -177,11 +185,13 @@ def check_free(folder: Path) -> None:
         )
     if not folder.parent.is_dir():
         raise ObsplanError(
-            f"{folder} cannot be made, because {folder.parent} is not a folder: make that first, or give another"
+            f"{folder} cannot be made, because {folder.parent} is not a folder: make that first, "
+            "or give another"
         )
     if not os.access(folder.parent, os.W_OK | os.X_OK):
         raise ObsplanError(
-            f"{folder} cannot be made, because {folder.parent} cannot be written to: give another folder"
+            f"{folder} cannot be made, because {folder.parent} cannot be written to: give another "
+            "folder"
         )
 
 
@@ -193,7 +203,8 @@ def scenario_toml(run: Run) -> str:
     ]
     if name_of(run.scenario.planner()) != run.planner:
         lines.append(
-            f"# but steered by {run.planner}, a planner given from code, which this file cannot name"
+            f"# but steered by {run.planner}, a planner given from code, which this file cannot "
+            "name"
         )
     tables = {key: value for key, value in data.items() if key == "auv" or isinstance(value, dict)}
     lines += key_lines({key: value for key, value in data.items() if key not in tables})
@@ -230,7 +241,10 @@ def key_lines(table: dict[str, Any]) -> list[str]:
 
 
 def toml_value(value: Any) -> str:
-    """A value in TOML, on one line; tomlkit's own arrays take a time that grows with the square of their length."""
+    """A value in TOML, on one line.
+
+    tomlkit's own arrays take a time that grows with the square of their length.
+    """
     if isinstance(value, dict):
         return "{" + ", ".join(key_lines(value)) + "}"
     if isinstance(value, list | tuple):
@@ -241,7 +255,8 @@ def toml_value(value: Any) -> str:
 def tracks_csv(run: Run) -> str:
     """The recording as a table, one row per time and AUV; lengths to a micrometre.
 
-    ``range_m`` is empty between pings. Of a squared range it is the root, and empty where noise made it negative.
+    ``range_m`` is empty between pings. Of a squared range it is the root, and empty where noise
+    made it negative.
     """
     columns = [rounded(column) for column in (run.time, *run.cna.T, run.turn_rate)]
     sigma = np.sqrt(np.maximum(np.diagonal(run.covariance, axis1=2, axis2=3), 0.0))
@@ -290,7 +305,10 @@ def table_csv(rows: Any) -> str:
 
 
 def timing(run: Run) -> dict[str, float | None]:
-    """How long it took; decisions that are part of the compiled step have no time of their own, and are null."""
+    """How long it took [s].
+
+    Decisions that are part of the compiled step have no time of their own, and are null.
+    """
     steps, decisions = run.time.size - 1, run.timing.decision_seconds
     return {
         "decision_median_s": float(np.median(decisions)) if decisions else None,

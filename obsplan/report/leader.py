@@ -1,5 +1,6 @@
-"""Which planner leads, by how much, and whether that could be chance: the words of comparisons and campaigns."""
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
+"""Which planner leads, by how much, and whether by chance: words of comparisons and campaigns."""
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+# pyright: reportCallIssue=false, reportGeneralTypeIssues=false
 # pyright: reportIndexIssue=false, reportOperatorIssue=false, reportReturnType=false
 # because pandas is not typed: its columns may be anything
 
@@ -22,7 +23,7 @@ WHOLE = 10.0  # [m], from which on a difference is told in whole metres
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """Planners in one setting: their missions, and what `paired` says of each two of them under the same noise.
+    """Planners in one setting: their missions, and what `paired` says of each two of them.
 
     ``comparisons`` is the number of those that the p values are corrected for.
     """
@@ -33,7 +34,7 @@ class Standing:
 
     @cached_property
     def errors(self) -> "pd.Series":
-        """Median RMS error of each planner [m], the lowest first; a mission that failed counts as infinitely bad."""
+        """Median RMS error of each planner [m], the lowest first; a failed mission is infinite."""
         by_mission = self.missions.assign(rms_error_m=self.missions["rms_error_m"].fillna(np.inf))
         medians = by_mission.groupby("planner", sort=False)["rms_error_m"].median()
         return medians.sort_values(kind="stable")
@@ -48,13 +49,13 @@ class Standing:
 
     @cached_property
     def eligible(self) -> list[str]:
-        """Planners that may lead, the lowest error first: those that kept within the limits, if any did."""
+        """Planners that may lead, the lowest error first: those within the limits, if any were."""
         flown = [planner for planner, error in self.errors.items() if np.isfinite(error)]
         return [planner for planner in flown if planner not in self.broken] or flown
 
     @cached_property
     def rivals(self) -> dict[str, dict]:
-        """What is known of the leader's difference from each other eligible planner, as rows seen from the leader."""
+        """The leader's difference from each other eligible planner, a row each."""
         seen = (facing(row, self.eligible[0]) for row in self.pairs.to_dict("records"))
         rows = {row["against"]: row for row in seen if row}
         return {planner: rows[planner] for planner in self.eligible[1:] if planner in rows}
@@ -70,7 +71,7 @@ class Standing:
 
     @property
     def winner(self) -> str | None:
-        """The planner that kept within the limits and whose lead over all others is beyond chance, if there is one."""
+        """The planner within the limits whose lead over all others is beyond chance, or None."""
         if not self.rivals or self.level or self.eligible[0] in self.broken:
             return None
         return self.eligible[0]
@@ -92,7 +93,7 @@ def facing(row: dict, planner: str) -> dict | None:
 
 
 def leader_sentences(standing: Standing) -> list[str]:
-    """Say who has the lowest error, who comes next and by how much, whether that could be chance, and who broke limits.
+    """Say who has the lowest error, who comes next, whether by chance, and who broke limits.
 
     Nobody leads alone: of one planner only the limits it broke are told.
     """
@@ -101,7 +102,8 @@ def leader_sentences(standing: Standing) -> list[str]:
     if standing.missions["planner"].nunique() == 1:
         return broken_sentences(standing)
     leader = standing.eligible[0]
-    lead = f"{leader} has the lowest RMS error{among(standing)}, {metres(standing.errors[leader])}{over(standing)}"
+    error = metres(standing.errors[leader])
+    lead = f"{leader} has the lowest RMS error{among(standing)}, {error}{over(standing)}"
     if not standing.rivals:
         return [f"{lead}.", *broken_sentences(standing)]
     return [f"{lead}; {margin(standing)}.", chance(standing), *broken_sentences(standing)]
@@ -142,13 +144,15 @@ def chance(standing: Standing) -> str:
             fewest_pairs(standing.comparisons),
             "1 seed" if count == 1 else f"{count} seeds",
         )
-        return f"With {seeds} any lead could be chance; from {least} on (--runs {least}) it can be told."
+        advice = f"from {least} on (--runs {least}) it can be told"
+        return f"With {seeds} any lead could be chance; {advice}."
     corrected = f"signed-rank test, corrected for {standing.comparisons} comparisons"
     if standing.comparisons == 1:
         corrected = "signed-rank test"
     if standing.level:
         p = max(standing.rivals[planner]["p_holm"] for planner in standing.level)
-        return f"Its lead over {listed(standing.level)} could be chance (p up to {p:.2g}, {corrected}); more seeds may tell."
+        lead = f"Its lead over {listed(standing.level)}"
+        return f"{lead} could be chance (p up to {p:.2g}, {corrected}); more seeds may tell."
     p = max(row["p_holm"] for row in standing.rivals.values())
     told = f"p = {p:.1g}" if p >= 0.001 else "p < 0.001"
     whom = "" if len(standing.rivals) == 1 else " over every other planner"
@@ -161,7 +165,8 @@ def broken_sentences(standing: Standing) -> list[str]:
     if not worst:
         return []
     return [
-        f"Limits were broken by {listed([f'{planner} (up to {metres(most)})' for planner, most in worst])}."
+        "Limits were broken by "
+        f"{listed([f'{planner} (up to {metres(most)})' for planner, most in worst])}."
     ]
 
 

@@ -23,7 +23,9 @@ from obsplan.run import Run
 
 
 def write_paths(run: Run, export: Export, folder: Path) -> list[str]:
-    """Write the mission in every format of ``export.formats``, as ``path.waypoints`` and so on; returns the names.
+    """Write the mission in every format of ``export.formats``; returns the names of the files.
+
+    They are ``path.waypoints`` and so on.
 
     ``path.geojson`` is for maps: it holds the path as it was flown and every AUV's tracks, too.
 
@@ -50,9 +52,10 @@ def write_paths(run: Run, export: Export, folder: Path) -> list[str]:
 
 
 def map_mission(run: Run, mission: Mission) -> Mission:
-    """The aid vehicle's path as flown ("cna"), each AUV's tracks ("NAME-truth", "NAME-estimate"), and the mission's limits.
+    """The aid vehicle's path as flown, each AUV's tracks, and the mission's limits.
 
-    A vehicle that never moves has one point; an estimate that is no number has none.
+    They are named "cna", "NAME-truth" and "NAME-estimate". A vehicle that never moves has one
+    point; an estimate that is no number has none.
     """
     places = {"cna": run.cna[:, :2]}
     for i, name in enumerate(run.names):

@@ -1,4 +1,4 @@
-"""What the figures share: colours, the time axis, thinning, and PNGs that are the same bytes on every run."""
+"""What the figures share: colours, the time axis, thinning, and PNGs of the same bytes."""
 
 import io
 from collections.abc import Callable, Iterator, Sequence
@@ -20,7 +20,8 @@ from matplotlib.ticker import FuncFormatter, LogFormatter
 from obsplan.planners import PLANNERS
 from obsplan.report.words import marked, time_unit
 
-# Okabe & Ito (2008) without its yellow and black, then two of P. Tol's "muted": told apart by colour-blind readers, and on white
+# Okabe & Ito (2008) without its yellow and black, then two of P. Tol's "muted": colour-blind
+# readers can tell them apart, on white too.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#999933")
 MARKERS = ("o", "s", "^", "D")  # of planners, as there are more of them than colours
 AID = "#333333"  # the aid vehicle
@@ -122,7 +123,10 @@ def plain_decades(axis: Axis) -> None:
 
 
 def outline(values: Float[np.ndarray, " n"], most: int = MOST_POINTS) -> Integer[np.ndarray, " k"]:
-    """Indices of a line's points that draw it as all would: of each stretch the least and the greatest, so no spike is lost."""
+    """Indices of a line's points that draw it as all would.
+
+    Of each stretch they are the least and the greatest, so no spike is lost.
+    """
     n = values.size
     if n <= most:
         return np.arange(n)

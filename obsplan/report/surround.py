@@ -92,7 +92,7 @@ def draw_bar_and_north(axes: Axes, width: float, inch: float) -> None:
 
 
 def fit_figure(figure: Figure, axes: Axes) -> None:
-    """Make a figure as large as what stands about its only axes needs, these staying as they are."""
+    """Make a figure as large as what stands about its only axes needs; the axes stay."""
     size = figure.get_size_inches()
     low, high = axes.get_position().get_points() * size
     figure.draw_without_rendering()

@@ -9,7 +9,8 @@ from rich.text import Text
 from obsplan.constraints import ROUNDING
 from obsplan.run import Run
 
-COLUMNS = {  # heading of each figure of merit, in words short enough for 80 columns, and its decimals
+# Heading of each figure of merit, in words short enough for 80 columns, and its decimals.
+COLUMNS = {
     "rms_error_m": ("RMS error [m]", 2),
     "max_error_m": ("Worst error [m]", 2),
     "pcrb_rms_m": ("PCRB RMS [m]", 2),
@@ -20,7 +21,10 @@ COLUMNS = {  # heading of each figure of merit, in words short enough for 80 col
     "separation_max_m": ("Max sep. [m]", 1),
     "violation_max_m": ("Limit broken by [m]", 2),
 }
-CAPTION = "PCRB: posterior Cramér–Rao bound of this path; Bound: of any path; Eff.: Bound / PCRB; NEES: 2 if consistent; sep.: separation"
+CAPTION = (
+    "PCRB: posterior Cramér–Rao bound of this path; Bound: of any path; Eff.: Bound / PCRB; "
+    "NEES: 2 if consistent; sep.: separation"
+)
 
 
 def run_table(run: Run) -> Table:
@@ -45,7 +49,7 @@ def run_table(run: Run) -> Table:
 
 
 def run_html(run: Run) -> str:
-    """Tabulate the same in HTML, without the certified bound, which takes a second or two per AUV."""
+    """Tabulate the same in HTML, without the certified bound, which takes a second per AUV."""
     summary = run.summary(bounds=False)
     columns = [key for key in COLUMNS if key in summary["all"]]
     rows = dict(summary["auv"])

@@ -21,13 +21,13 @@ FARTHEST = 2500.0  # [m], reach of the acoustic modems in use
 
 
 def verdicts(run: Run) -> list[str]:
-    """Say for each AUV how well it knows its position, whether its filter knows that, and whether it could be fooled.
+    """Say for each AUV how well it knows its position, and whether its filter knows that.
 
-    A filter is ``overconfident`` or ``cautious`` where its mean NEES is above or below the 95 %
-    chi-square interval of as many independent errors as the run is worth, which
-    `Run.independent_errors` says, and consistent within it. Where even errors sqrt(2) times too large (a mean NEES of 4) would be
-    within it, too, they are too few to tell. Lost is a median error above 5σ in the second half of
-    the mission.
+    The verdict also says whether the filter could be fooled. A filter is ``overconfident`` or
+    ``cautious`` where its mean NEES is above or below the 95 % chi-square interval of as many
+    independent errors as the run is worth (`Run.independent_errors`), and consistent within it.
+    The errors are too few to tell where even errors sqrt(2) times too large (a mean NEES of 4)
+    would be within it, too. Lost is a median error above 5σ in the second half of the mission.
     """
     figures = run.summary()["auv"]
     return [sentence(run, i, figures[name]) for i, name in enumerate(run.names)]
@@ -94,12 +94,18 @@ def sentence(run: Run, i: int, figures: dict[str, Any]) -> str:
     """The verdict on one AUV, from its figures of merit."""
     failed = np.flatnonzero(~np.isfinite(run.error[i]))
     if failed.size:
-        return f"{run.names[i]}: position lost {moment(run, int(failed[0]))}, where the filter's estimate stopped being a number."
+        when = moment(run, int(failed[0]))
+        why = "where the filter's estimate stopped being a number"
+        return f"{run.names[i]}: position lost {when}, {why}."
     worst = f"worst {metres(figures['max_error_m'])}, {moment(run, int(run.error[i].argmax()))}"
     if is_lost(run, i):
-        return f"{run.names[i]}: position lost, {metres(figures['rms_error_m'])} RMS off ({worst}); {explain_loss(run, i)}."
+        lost = f"position lost, {metres(figures['rms_error_m'])} RMS off ({worst})"
+        return f"{run.names[i]}: {lost}; {explain_loss(run, i)}."
     clauses = [
-        f"position known to {metres(figures['rms_error_m'])} RMS ({worst}){_against_bound(figures)}",
+        (
+            f"position known to {metres(figures['rms_error_m'])} RMS "
+            f"({worst}){_against_bound(figures)}"
+        ),
         _consistency(run.nees[i], figures["mean_nees"], float(run.independent_errors[i])),
         _ambiguity(run, i),
         _reach(figures["separation_max_m"]),
@@ -108,7 +114,7 @@ def sentence(run: Run, i: int, figures: dict[str, Any]) -> str:
 
 
 def is_lost(run: Run, i: int) -> bool:
-    """Whether the error exceeds all that the filter allows for, through most of the second half of the mission."""
+    """Whether the error exceeds what the filter allows for, most of the mission's second half."""
     late = slice(run.time.size // 2, None)
     sigma = np.sqrt(run.covariance[i, late, 0, 0] + run.covariance[i, late, 1, 1])
     return bool(np.median(run.error[i, late]) > LOST * np.median(sigma))
@@ -128,7 +134,10 @@ def explain_loss(run: Run, i: int) -> str:
             "the filter is locked on a mirror image, whose ranges are the same: "
             "a straight or stationary aid vehicle cannot tell it apart"
         )
-    return "the ranges fit although the position does not: give it a better first estimate, or an aid vehicle that goes round it"
+    return (
+        "the ranges fit although the position does not: "
+        "give it a better first estimate, or an aid vehicle that goes round it"
+    )
 
 
 def mirror(
@@ -142,7 +151,7 @@ def mirror(
 
 
 def _against_bound(figures: dict[str, Any]) -> str:
-    """The error beside the Cramér-Rao bound of this path, and that beside the least bound of any path."""
+    """The error beside the Cramér-Rao bound of this path, and that beside any path's bound."""
     pcrb, least = figures["pcrb_rms_m"], figures.get("bound_rms_m")
     if not pcrb:
         return ""
@@ -179,9 +188,15 @@ def _ambiguity(run: Run, i: int) -> str:
     length, width = np.ptp(relative @ along.T, axis=0)
     narrow = STRAIGHT * run.separation[i].mean()
     if length < narrow:
-        return "beware, the aid vehicle keeps still relative to it: ranges tell how far it is, not which way"
+        return (
+            "beware, the aid vehicle keeps still relative to it: "
+            "ranges tell how far it is, not which way"
+        )
     if width < narrow:
-        return "beware, the aid vehicle passes it on a straight line: ranges cannot tell left from right"
+        return (
+            "beware, the aid vehicle passes it on a straight line: "
+            "ranges cannot tell left from right"
+        )
     return ""
 
 

@@ -26,7 +26,7 @@ def clock(run: Run, seconds: float) -> str:
 
 
 def moment(run: Run, k: int) -> str:
-    """When a sample was taken; the start lasts until the first range has come, or for 2 % of the mission."""
+    """When a sample was taken; the start lasts until the first range, or 2 % of the mission."""
     start = 0.02
     if k <= max(run.scenario.ping_every, start * run.time.size):
         return "at the start"

@@ -1,4 +1,4 @@
-"""Every figure, table and claim of the thesis, and answers to its open questions. Names load on first use."""
+"""Figures, tables and claims of the thesis, and answers to its open questions; loaded on use."""
 
 from importlib import import_module
 from typing import Any

@@ -1,4 +1,4 @@
-"""Figures B.1 to B.8: one mission of each policy, slow and fast, as the thesis's Appendix B shows them."""
+"""Figures B.1 to B.8: one mission of each policy, slow and fast, as in the thesis's Appendix B."""
 
 from collections.abc import Callable
 from functools import partial
@@ -29,7 +29,7 @@ BEGINNING = 120.0  # [s]; the filter has settled by then
 SIMILAR = 1.5  # ratio of errors up to which two policies perform alike
 
 
-def compute(name: str, policy: str, *, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001 - one mission
+def compute(name: str, policy: str, *, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001
     """Fly one survey under one policy, and under all others for comparison of their RMS errors."""
     scenarios = policies(name, printed=False)
     flown = {label: simulate(scenario, seed=seed) for label, scenario in scenarios.items()}
@@ -43,7 +43,10 @@ def compute(name: str, policy: str, *, runs: int, seed: int) -> "xr.Dataset":  #
 
 
 def as_shown(name: str, scenario: Scenario, seed: int) -> Run:
-    """The first seed from one on whose filter locks on what the thesis's did, the AUV or its image; the last one tried if none does."""
+    """The first seed, from one on, whose filter locks on what the thesis's did.
+
+    That is the AUV or its image. If none does, it is the last seed tried.
+    """
     wanted = THESIS[name]["Stationary"][0] > LOST
     loop = ClosedLoop(scenario=scenario, planner=scenario.planner())
     runs = (loop.fly(seed + k) for k in range(TRIALS))
@@ -78,7 +81,7 @@ def recorded(run: Run) -> "xr.Dataset":
 
 
 def draw(data: "xr.Dataset") -> Figure:
-    """(a) tracks, (b) the estimate, (c), (d) errors east and north with three standard deviations."""
+    """(a) tracks, (b) the estimate, (c), (d) errors east and north with three deviations."""
     figure = Figure(figsize=(11.0, 7.2), layout="constrained")
     (tracks, estimate), (east, north) = figure.subplots(2, 2, height_ratios=(1.5, 1.0))
     _draw_map(tracks, data, (("auv", "AUV", colour(0)), ("cna", "aid vehicle", AID)), "(a) tracks")
@@ -141,7 +144,7 @@ def separation(data: "xr.Dataset") -> np.ndarray:
 
 
 def aligned_share(data: "xr.Dataset") -> float:
-    """Share of the first third of the mission in which the AUV moves nearly along the line of sight."""
+    """Share of the mission's first third in which the AUV moves nearly along the line of sight."""
     third = slice(0, data.sizes["time"] // 3)
     sight = np.arctan2(data.cna_y - data.auv_y, data.cna_x - data.auv_x)
     return float((np.abs(np.sin((sight - data.heading).values[third])) < np.sin(ALIGNED)).mean())
@@ -162,7 +165,8 @@ def along_and_across(data: "xr.Dataset") -> tuple[float, float]:
 def performance(name: str, policy: str, data: "xr.Dataset") -> str:
     """Our and the thesis's error."""
     rms, most = THESIS[name][policy]
-    return f"RMS error {data.rms_error:.2f} m, greatest {data.max_error:.1f} m (thesis {rms:g} and {most:g} m)"
+    ours = f"RMS error {data.rms_error:.2f} m, greatest {data.max_error:.1f} m"
+    return f"{ours} (thesis {rms:g} and {most:g} m)"
 
 
 def found_circle(name: str, data: "xr.Dataset") -> Finding:
@@ -171,9 +175,9 @@ def found_circle(name: str, data: "xr.Dataset") -> Finding:
     return Finding(
         agrees=data.rms_error > LOST,
         sentence=(
-            f"{performance(name, 'Circular', data)}. With our noise the filter does not drift away. Of the causes the thesis gives, the "
-            f"AUV "
-            f"moves within 20° of the line of sight {aligned_share(data):.0%} of the first third, and the speed estimate, which starts "
+            f"{performance(name, 'Circular', data)}. With our noise the filter does not drift "
+            "away. Of the causes the thesis gives, the AUV moves within 20° of the line of sight "
+            f"{aligned_share(data):.0%} of the first third, and the speed estimate, which starts "
             f"at 0, overshoots to {overshoot:.1f} times the speed before it comes back."
         ),
     )
@@ -191,8 +195,9 @@ def found_stationary(name: str, data: "xr.Dataset") -> Finding:
     return Finding(
         agrees=bool(data.mirrored) == expected,
         sentence=(
-            f"{performance(name, 'Stationary', data)}. With seed {data.seed}, the first that shows it, the filter locks on {state} (speed "
-            f"estimate {end:+.2f} times the speed at the end). Which of the two it is depends on the noise of the first ranges, fast or "
+            f"{performance(name, 'Stationary', data)}. With seed {data.seed}, the first that "
+            f"shows it, the filter locks on {state} (speed estimate {end:+.2f} times the speed at "
+            "the end). Which of the two it is depends on the noise of the first ranges, fast or "
             "slow: see table5.1 and table5.2."
         ),
     )
@@ -218,11 +223,10 @@ def found_follower(name: str, policy: str, data: "xr.Dataset") -> Finding:
     return Finding(
         agrees=bool(claimed),
         sentence=(
-            f"{performance(name, policy, data)}. The aid vehicle stays within {far:.1f} m of the AUV and goes round it {rounds:.0f} "
-            f"times. The "
-            f"filter's σ is {along:.2f} m along the AUV's course and {across:.2f} m across, so that each turn of the survey exchanges "
-            f"east and north. "
-            f"The error is {ratio:.2f} times that of the {other} method."
+            f"{performance(name, policy, data)}. The aid vehicle stays within {far:.1f} m of the "
+            f"AUV and goes round it {rounds:.0f} times. The filter's σ is {along:.2f} m along the "
+            f"AUV's course and {across:.2f} m across, so that each turn of the survey exchanges "
+            f"east and north. The error is {ratio:.2f} times that of the {other} method."
         ),
     )
 
@@ -263,7 +267,10 @@ ITEMS = (
         SLOW,
         "Path Inertia",
         partial(found_follower, SLOW, "Path Inertia"),
-        "The path essentially follows the AUV; the uncertainty in x and y grows and shrinks as the AUV turns, the error does not.",
+        (
+            "The path essentially follows the AUV; the uncertainty in x and y grows and shrinks "
+            "as the AUV turns, the error does not."
+        ),
     ),
     item(
         4,
@@ -291,7 +298,10 @@ ITEMS = (
         FAST,
         "Path Inertia",
         partial(found_follower, FAST, "Path Inertia"),
-        "The path follows the AUV, encircling it repeatedly; the uncertainty in x and y grows and shrinks as the AUV turns.",
+        (
+            "The path follows the AUV, encircling it repeatedly; the uncertainty in x and y grows "
+            "and shrinks as the AUV turns."
+        ),
     ),
     item(
         8,

@@ -1,4 +1,4 @@
-"""The equalities of Gramians that the thesis's methods stand on: (3.4) = (3.11), and (4.6) = (4.9) up to signs."""
+"""Equalities of Gramians in the thesis: (3.4) = (3.11), and (4.6) = (4.9) up to signs."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -21,14 +21,21 @@ Turns = Float[np.ndarray, " intervals"]
 
 
 class Equality(NamedTuple):
-    """Greatest relative difference, over random trajectories, between the Gramians of fixed CNA and fixed AUV."""
+    """Greatest relative difference between the Gramians of fixed CNA and fixed AUV.
+
+    The greatest is over random trajectories.
+    """
 
     current: float  # state (position, current), output squared range: (3.4) and (3.11)
-    heading: float  # state (position, heading), outputs heading and squared range: (4.6) and (4.9), up to signs
+    # state (position, heading), outputs heading and squared range: (4.6) and (4.9), up to signs
+    heading: float
 
 
 def gramian_equalities(trajectories: int, seed: int) -> Equality:
-    """Compare either pair of Gramians, by central differences of the simulated systems, on paths of random turn rates."""
+    """Compare either pair of Gramians on paths of random turn rates.
+
+    The Gramians are central differences of the simulated systems.
+    """
     rng = np.random.default_rng(seed)
     differences = np.array(
         [(current_difference(rng), heading_difference(rng)) for _ in range(trajectories)]
@@ -37,7 +44,7 @@ def gramian_equalities(trajectories: int, seed: int) -> Equality:
 
 
 def current_difference(rng: np.random.Generator) -> float:
-    """Fixed CNA: x = (AUV, its current). Fixed AUV: r = -x, ṙ = -u + ΔW, as the CNA moves by the same u."""
+    """Fixed CNA: x = (AUV, its current). Fixed AUV: r = -x, ṙ = -u + ΔW, the CNA moving by u."""
     moved = displacement(SPREAD * rng.normal(), rng.uniform(-2.0, 2.0, INTERVALS))
     x, time = (
         rng.normal(size=4) * [SPREAD, SPREAD, CURRENT, CURRENT],
@@ -57,10 +64,17 @@ def current_difference(rng: np.random.Generator) -> float:
 
 
 def heading_difference(rng: np.random.Generator) -> float:
-    """Fixed CNA: x = the moving AUV's pose. Fixed AUV: r = (-x1, -x2, ψ + π) of the moving CNA, as in (4.7)."""
+    """Compare the Gramians of thesis (4.6) and (4.9).
+
+    Fixed CNA: x = the moving AUV's pose. Fixed AUV: r = (-x1, -x2, ψ + π) of the moving CNA, as
+    in (4.7).
+    """
     x, turns = rng.normal(size=3) * SPREAD, rng.uniform(-2.0, 2.0, INTERVALS)
     fixed_cna = empirical_gramian(outputs(lambda x: x, turns), x, horizon=HORIZON)
-    of_cna: Callable[[np.ndarray], np.ndarray] = lambda r: np.array([-r[0], -r[1], r[2] - np.pi])  # noqa: E731
+
+    def of_cna(r: np.ndarray) -> np.ndarray:
+        return np.array([-r[0], -r[1], r[2] - np.pi])
+
     fixed_auv = empirical_gramian(
         outputs(of_cna, turns), np.array([-x[0], -x[1], x[2] + np.pi]), horizon=HORIZON
     )

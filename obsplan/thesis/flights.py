@@ -1,4 +1,4 @@
-"""Missions for the thesis's figures: without noise that matters, since its planners are told the truth."""
+"""Missions for the thesis's figures, whose planners are told the truth: noise hardly matters."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ WORTH_COMPILING = 20_000  # steps in all; fewer are sooner done than the C compi
 
 
 def scenario(name: str, planner: str, *settings: str, time_step: float = 0.1) -> Scenario:
-    """A shipped scenario under another planner, a decision and a range at each of other time steps [s]."""
+    """A shipped scenario under another planner, with a decision and a range at each step [s]."""
     steps = (
         f"time_step={time_step!r}",
         f"planner.interval={time_step!r}",
@@ -51,7 +51,7 @@ def fly(scenario: Scenario, starts: Sequence[Pose]) -> "xr.Dataset":
 
 
 def tracks(runs: Sequence[Run]) -> "xr.Dataset":
-    """Tracks, distances and predicted condition numbers of runs of one scenario, by start, AUV and time."""
+    """Tracks, distances and predicted condition numbers of a scenario's runs, by start and AUV."""
     import xarray as xr
 
     def variable(name: str, values: list[np.ndarray], unit: str, *, auv: bool = False):

@@ -26,7 +26,10 @@ EVEN = 1.1  # ratio of condition numbers up to which AUVs fare equally
 
 
 def static_formation() -> Scenario:
-    """The triangle at rest, long enough for the first leg outward to be over: the start heads away from the centroid."""
+    """The triangle at rest, long enough for the first leg outward to be over.
+
+    The start heads away from the centroid.
+    """
     return scenario("fixed-formation", "path-inertia", "planner.gamma=1.0", "duration=300.0")
 
 
@@ -73,16 +76,18 @@ def draw_static(data: "xr.Dataset") -> Figure:
 
 def found_static(data: "xr.Dataset") -> Finding:
     """About the centroid; not equally good for all."""
-    names, condition, others = (
-        [str(name) for name in data.auv.values],
-        typical_condition(data)[0],
-        data.other_condition.values,
-    )
+    names = [str(name) for name in data.auv.values]
+    condition = typical_condition(data)[0]
+    others = data.other_condition.values
     away = np.hypot(*np.moveaxis(centroid_offset(data)[0], -1, 0))
     last = data.time.values > data.time.values[-1] - 60.0
-    best, uneven = names[int(condition.argmin())], others.max(axis=1) / others.min(axis=1)
+    best = names[int(condition.argmin())]
+    uneven = others.max(axis=1) / others.min(axis=1)
     shares = ", ".join(
         f"{name} in {np.mean(others.argmin(axis=1) == i):.0%}" for i, name in enumerate(names)
+    )
+    kappas = ", ".join(
+        f"{value:.1f} ({name})" for name, value in zip(names, condition, strict=True)
     )
     return Finding(
         agrees=bool(
@@ -90,19 +95,18 @@ def found_static(data: "xr.Dataset") -> Finding:
             and (uneven > EVEN).mean() > 0.5
         ),
         sentence=(
-            f"The path is that about a single AUV at the centroid: out to {away.max():.1f} m, since the start heads straight away from "
-            f"it, and from "
-            f"then on within {away[last].max():.2f} m. Equal weights are not equal performance: κ(J) is "
-            f"{', '.join(f'{value:.1f} ({name})' for name, value in zip(names, condition, strict=True))}, the best for {best}. Which one "
-            f"that is "
-            f"depends on the start: of {len(others)} random ones {shares}; the worst κ is {np.median(uneven):.1f} times the best "
-            f"(median), and over "
-            f"{EVEN} times in {np.mean(uneven > EVEN):.0%}."
+            f"The path is that about a single AUV at the centroid: out to {away.max():.1f} m, "
+            "since the start heads straight away from it, and from then on within "
+            f"{away[last].max():.2f} m. Equal weights are not equal performance: κ(J) is "
+            f"{kappas}, "
+            f"the best for {best}. Which one that is depends on the start: of {len(others)} "
+            f"random ones {shares}; the worst κ is {np.median(uneven):.1f} times the best "
+            f"(median), and over {EVEN} times in {np.mean(uneven > EVEN):.0%}."
         ),
     )
 
 
-def compute_mobile(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001 - two flights, always the same
+def compute_mobile(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001
     """Figure 5.9: from the thesis's start, and from the same place with the formation abeam."""
     setup = scenario("mobile-formation", "path-inertia", "planner.gamma=1.0")
     return fly(setup, [setup.start, replace(setup.start, heading=np.pi)])
@@ -160,13 +164,11 @@ def found_mobile(data: "xr.Dataset") -> Finding:
     return Finding(
         agrees=bool(max(most) < WITH and away[0, -1] < WITH),
         sentence=(
-            f"With the formation abeam at the start the path pivots about the moving centroid: on average {mean[0]:.2f} m off it while "
-            f"it goes "
-            f"north and {mean[1]:.2f} m after the turn, {max(most):.2f} m at most. From the thesis's start, which in our triangle heads "
-            f"straight "
-            f"away from the centroid, a leg outward to {away[0].max():.1f} m comes first; it is back after {back:.0f} s, and the "
-            f"formation's turn "
-            "does not disturb it."
+            "With the formation abeam at the start the path pivots about the moving centroid: on "
+            f"average {mean[0]:.2f} m off it while it goes north and {mean[1]:.2f} m after the "
+            f"turn, {max(most):.2f} m at most. From the thesis's start, which in our triangle "
+            f"heads straight away from the centroid, a leg outward to {away[0].max():.1f} m comes "
+            f"first; it is back after {back:.0f} s, and the formation's turn does not disturb it."
         ),
     )
 
@@ -175,8 +177,10 @@ ITEMS = (
     Item(
         name="fig5.8",
         title="Path inertia with a penalty (γ = 1), three AUVs at rest",
-        claim="The path favours no AUV and acts about the centroid, but the condition numbers are best for one of them (lower right): "
-        "equal weights do not give equal performance.",
+        claim=(
+            "The path favours no AUV and acts about the centroid, but the condition numbers are "
+            "best for one of them (lower right): equal weights do not give equal performance."
+        ),
         compute=compute_static,
         draw=draw_static,
         found=found_static,
@@ -184,7 +188,10 @@ ITEMS = (
     Item(
         name="fig5.9",
         title="Path inertia with a penalty (γ = 1), three AUVs under way",
-        claim="While the formation goes north, and then 45° to the right, the path keeps its typical behaviour about the moving centroid.",
+        claim=(
+            "While the formation goes north, and then 45° to the right, the path keeps its "
+            "typical behaviour about the moving centroid."
+        ),
         compute=compute_mobile,
         draw=draw_mobile,
         found=found_mobile,

@@ -1,7 +1,7 @@
 """Figures 5.10 to 5.12: the empirical Gramian method.
 
-``exact`` is what simulating the perturbed states gives, however finely; ``thesis`` leaves out, as (4.6) prints it, that a perturbed
-heading moves the later positions.
+``exact`` is what simulating the perturbed states gives, however finely. ``thesis`` leaves out, as
+(4.6) prints it, that a perturbed heading moves the later positions.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 STARTS = 50
-HALF_WIDTH = 5.0  # of the square of random starts [m]: the thesis's does not tell; the atypical ones start beyond 5 m
+# Of the square of random starts [m]. The thesis does not tell it; its atypical ones are beyond 5 m.
+HALF_WIDTH = 5.0
 LAST = 20.0  # [s] over which a final orbit is judged: some four turns
 NEARLY = (
     0.2  # of the radius: a circle whose centre is that close to the AUV is nearly centred on it
@@ -45,7 +46,7 @@ def by_variant(name: str, starts: Any, *settings: str) -> "xr.Dataset":
 
 
 def final_orbit(data: "xr.Dataset") -> np.ndarray:
-    """Offset of the final circle's centre from the AUV, its radius and its misfit [m] of each start."""
+    """Offset of the final circle's centre from the AUV, radius and misfit [m] of each start."""
     late, path = data.time.values > data.time.values[-1] - LAST, poses(data)[..., :2]
     fits = [
         claims.fit_circle(track[late] - auv[late])
@@ -66,7 +67,7 @@ def settled(data: "xr.Dataset") -> np.ndarray:
     return (center < NEARLY * radius) & (misfit < ROUND * radius)
 
 
-def compute_single(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001 - one flight each, always the same
+def compute_single(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001
     """Figure 5.10."""
     return by_variant("fixed-auv", [pose(1.0, 0.0, 90.0)], "duration=60.0")
 
@@ -99,7 +100,8 @@ def found_single(data: "xr.Dataset") -> Finding:
         inward = int(np.flatnonzero(d > radius + center)[-1])
         good.append(bool(settled(one)[0] and d[0] > radius + center))
         parts.append(
-            f"{PRINTED[variant]}: inward for {data.time[inward]:.1f} s, then a circle of {radius:.2f} m, its centre {center:.2f} m off"
+            f"{PRINTED[variant]}: inward for {data.time[inward]:.1f} s, then a circle of "
+            f"{radius:.2f} m, its centre {center:.2f} m off"
         )
     return Finding(agrees=all(good), sentence=f"With the Gramian {'; '.join(parts)}.")
 
@@ -151,27 +153,26 @@ def found_random(data: "xr.Dataset") -> Finding:
     exact, printed = data.sel(gramian="exact"), data.sel(gramian="thesis")
     done, done_printed, n = settled(exact), settled(printed), data.sizes["start"]
     sentence = (
-        f"As simulated, {done.sum()} of {n} random starts spiral into a circle of {np.median(final_orbit(exact)[done, 1]):.2f} m nearly "
-        f"centred "
-        f"on the AUV; as printed in (4.6), {done_printed.sum()} of {n} (circle of {np.median(final_orbit(printed)[done_printed, 1]):.2f} "
-        f"m). "
+        f"As simulated, {done.sum()} of {n} random starts spiral into a circle of "
+        f"{np.median(final_orbit(exact)[done, 1]):.2f} m nearly centred on the AUV; as printed in "
+        f"(4.6), {done_printed.sum()} of {n} (circle of "
+        f"{np.median(final_orbit(printed)[done_printed, 1]):.2f} m). "
     )
     if not done.all():
         away, cosine = start_geometry(exact)
         farthest = exact.distance.values[~done, 0, -1].max()
         sentence += (
-            f"The other {(~done).sum()} start {away[~done].min():.1f} m or farther away, heading outward (cosine "
-            f"{cosine[~done].min():.2f} or more), "
-            f"and run away, to {farthest:.0f} m after {data.time[-1]:.0f} s: far out κ(W) is the heading's information over the "
-            f"position's and grows as "
-            "d⁴, least on the ray outward where the heading does not change the range; they turn left and right about that ray. The "
-            "printed Gramian has no "
-            "such term, and no such starts."
+            f"The other {(~done).sum()} start {away[~done].min():.1f} m or farther away, heading "
+            f"outward (cosine {cosine[~done].min():.2f} or more), and run away, to {farthest:.0f} "
+            f"m after {data.time[-1]:.0f} s: far out κ(W) is the heading's information over the "
+            "position's and grows as d⁴, least on the ray outward where the heading does not "
+            "change the range; they turn left and right about that ray. The printed Gramian has "
+            "no such term, and no such starts."
         )
     return Finding(agrees=bool(done.mean() > TYPICAL), sentence=sentence)
 
 
-def compute_groups(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001 - one flight each, always the same
+def compute_groups(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001
     """Figure 5.12: the formations at rest and under way, a group of the data each."""
     import xarray as xr
 
@@ -218,13 +219,16 @@ def found_groups(data: "xr.Dataset") -> Finding:
         smallest.append(radius < (1.0 + NEARLY) * data.min_turn_radius)
         centered.append(np.hypot(*center) < NEARLY * radius)
         parts.append(
-            f"{PRINTED[variant]} it ends on a circle of {radius:.2f} m, {np.hypot(*center):.2f} m off the centroid of the AUVs at rest, "
-            f"and keeps "
-            f"within {centroid_distance(mobile)[mobile.time.values > LAST].max():.1f} m of the moving one"
+            f"{PRINTED[variant]} it ends on a circle of {radius:.2f} m, {np.hypot(*center):.2f} m "
+            "off the centroid of the AUVs at rest, and keeps within "
+            f"{centroid_distance(mobile)[mobile.time.values > LAST].max():.1f} m of the moving one"
         )
     return Finding(
         agrees=bool(farthest < FAR and not all(smallest) and not all(centered)),
-        sentence=f"With the Gramian {'; '.join(parts)}. No separation grows: {farthest:.1f} m at most, near the start.",
+        sentence=(
+            f"With the Gramian {'; '.join(parts)}. No separation grows: {farthest:.1f} m at most, "
+            "near the start."
+        ),
     )
 
 
@@ -232,7 +236,10 @@ ITEMS = (
     Item(
         name="fig5.10",
         title="Empirical Gramian method, from the analytic solution's start",
-        claim="The first part is a convergent spiral, the remainder circular, nearly centred on the AUV.",
+        claim=(
+            "The first part is a convergent spiral, the remainder circular, nearly centred on the "
+            "AUV."
+        ),
         compute=compute_single,
         draw=draw_single,
         found=found_single,
@@ -240,7 +247,10 @@ ITEMS = (
     Item(
         name="fig5.11",
         title="Empirical Gramian method, 50 random starts",
-        claim="The convergent spiral is typical, whatever the initial condition; one start of 50 did not conform.",
+        claim=(
+            "The convergent spiral is typical, whatever the initial condition; one start of 50 "
+            "did not conform."
+        ),
         compute=compute_random,
         draw=draw_random,
         found=found_random,
@@ -248,7 +258,10 @@ ITEMS = (
     Item(
         name="fig5.12",
         title="Empirical Gramian method, three AUVs at rest and under way",
-        claim="The path is not a circle of smallest radius nor about the centroid; the separation never grows without bound.",
+        claim=(
+            "The path is not a circle of smallest radius nor about the centroid; the separation "
+            "never grows without bound."
+        ),
         compute=compute_groups,
         draw=draw_groups,
         found=found_groups,

@@ -36,7 +36,7 @@ def first_offsets(data: "xr.Dataset") -> list[tuple[float, float]]:
     return [(float(s), float(b)) for s, b in zip(*claims.offsets(poses(data)[:, 0]), strict=True)]
 
 
-def compute_circle(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001 - one flight, always the same
+def compute_circle(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001
     """Figure 5.1."""
     return fly(scenario("fixed-auv", "path-inertia", "planner.gamma=0.0"), [pose(1.0, 0.0, 90.0)])
 
@@ -58,11 +58,14 @@ def found_circle(data: "xr.Dataset") -> Finding:
     turned = data.sizes["time"] * data.time_step / (2.0 * math.pi)
     return Finding(
         agrees=bool(off < ROUNDING and worst < ROUNDING),
-        sentence=f"The path is the circle of 1 m about the AUV to {off:.0e} m over {turned:.1f} turns, and κ(J) = 1 to {worst:.0e}.",
+        sentence=(
+            f"The path is the circle of 1 m about the AUV to {off:.0e} m over {turned:.1f} turns, "
+            f"and κ(J) = 1 to {worst:.0e}."
+        ),
     )
 
 
-def compute_classes(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001 - three flights, always the same
+def compute_classes(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001
     """Figure 5.2: obtuse, right and acute."""
     return fly(
         scenario("fixed-auv", "path-inertia", "planner.gamma=0.0", "duration=40.0"),
@@ -92,10 +95,10 @@ def found_classes(data: "xr.Dataset") -> Finding:
     return Finding(
         agrees=bool(grows and stays < ROUNDING and passes and d[2].min() < NEAR),
         sentence=(
-            f"Obtuse: the distance {'grows at every step' if grows else 'does not only grow'}, to {d[0, -1]:.1f} m after "
-            f"{data.time[-1]:.0f} s. "
-            f"Right: it stays {d[1, 0]:.0f} m to {stays:.0e} m. "
-            f"Acute: it falls to {d[2].min():.3f} m and {'only grows' if passes else 'does not only grow'} after that."
+            f"Obtuse: the distance {'grows at every step' if grows else 'does not only grow'}, to "
+            f"{d[0, -1]:.1f} m after {data.time[-1]:.0f} s. Right: it stays {d[1, 0]:.0f} m to "
+            f"{stays:.0e} m. Acute: it falls to {d[2].min():.3f} m and "
+            f"{'only grows' if passes else 'does not only grow'} after that."
         ),
     )
 
@@ -123,7 +126,7 @@ def draw_random(data: "xr.Dataset") -> Figure:
 
 
 def found_random(data: "xr.Dataset") -> Finding:
-    """Every start behaves as its class says; the closed forms are met as well as the time step allows."""
+    """Every start behaves as its class says; closed forms are met to the time step's error."""
     d, starts = first_distance(data), first_offsets(data)
     monotone = sum(claims.is_monotone(d[i], s, slack=0.0) for i, (s, _) in enumerate(starts))
     passed = [i for i, (s, _) in enumerate(starts) if s < 0 and d[i].argmin() < d.shape[1] - 1]
@@ -135,21 +138,21 @@ def found_random(data: "xr.Dataset") -> Finding:
         if monotone == len(starts) and nearest[through].max(initial=0.0) < NEAR
         else False,
         sentence=(
-            f"The distance is monotone as claimed, at every step, in {monotone} of {len(starts)} random starts, {len(starts) - inward} "
-            f"outward "
-            f"and {inward} inward. {through.sum()} of the {len(passed)} inward ones that arrive within {data.time[-1]:.0f} s fall to "
-            f"{nearest[through].max(initial=0.0):.3f} m or less; the others do not fall to zero: a start with |s| < "
-            f"{data.min_turn_radius:g} m "
-            f"passes at {data.min_turn_radius:g} m - |s|, here up to {nearest.max(initial=0.0):.2f} m (closed form met to "
-            f"{np.abs(nearest - expected).max(initial=0.0):.2f} m). From d² = d0² + 2Vs0t, the limit of short steps, the distance "
-            f"differs by "
-            f"{involute_error(data):.2f} m at most at {data.time_step:g} s a step."
+            f"The distance is monotone as claimed, at every step, in {monotone} of {len(starts)} "
+            f"random starts, {len(starts) - inward} outward and {inward} inward. {through.sum()} "
+            f"of the {len(passed)} inward ones that arrive within {data.time[-1]:.0f} s fall to "
+            f"{nearest[through].max(initial=0.0):.3f} m or less; the others do not fall to zero: "
+            f"a start with |s| < {data.min_turn_radius:g} m passes at {data.min_turn_radius:g} m "
+            f"- |s|, here up to {nearest.max(initial=0.0):.2f} m (closed form met to "
+            f"{np.abs(nearest - expected).max(initial=0.0):.2f} m). From d² = d0² + 2Vs0t, the "
+            f"limit of short steps, the distance differs by {involute_error(data):.2f} m at most "
+            f"at {data.time_step:g} s a step."
         ),
     )
 
 
 def involute_error(data: "xr.Dataset") -> float:
-    """Greatest difference [m] from the closed form of every start outside the clip, while it holds."""
+    """Greatest difference [m] from the closed form, while it holds, of starts outside the clip."""
     error, time = 0.0, data.time.values
     for d, (s, b) in zip(first_distance(data), first_offsets(data), strict=True):
         holds = time < claims.unclipped(s, b, data.min_turn_radius, data.speed)
@@ -167,7 +170,10 @@ ITEMS = (
     Item(
         name="fig5.1",
         title="Path inertia, from the analytic solution's start",
-        claim="From (1, 0), heading +y, the path agrees with the analytic circle, and the condition number stays at its minimum, one.",
+        claim=(
+            "From (1, 0), heading +y, the path agrees with the analytic circle, and the condition "
+            "number stays at its minimum, one."
+        ),
         compute=compute_circle,
         draw=draw_circle,
         found=found_circle,
@@ -175,8 +181,10 @@ ITEMS = (
     Item(
         name="fig5.2",
         title="Path inertia: the three kinds of path",
-        claim="An obtuse angle between heading and ray to the AUV gives an outward spiral, a right one a circle, an acute one a fall "
-        "toward the AUV and an outward spiral after it.",
+        claim=(
+            "An obtuse angle between heading and ray to the AUV gives an outward spiral, a right "
+            "one a circle, an acute one a fall toward the AUV and an outward spiral after it."
+        ),
         compute=compute_classes,
         draw=draw_classes,
         found=found_classes,
@@ -184,8 +192,10 @@ ITEMS = (
     Item(
         name="fig5.3",
         title="Path inertia, 50 random starts",
-        claim="If the distance grows at first, it grows monotonically; if it falls at first, it falls to zero or very near, and grows "
-        "monotonically from there.",
+        claim=(
+            "If the distance grows at first, it grows monotonically; if it falls at first, it "
+            "falls to zero or very near, and grows monotonically from there."
+        ),
         compute=compute_random,
         draw=draw_random,
         found=found_random,

@@ -1,4 +1,4 @@
-"""What the thesis shows, one item each: its claim, our data, our picture, and whether the two agree."""
+"""What the thesis shows, one item each: claim, our data, our picture, and whether they agree."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ VERDICTS = {True: "agrees", False: "does not agree", None: "in part"}
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """What was found: whether it is what the thesis says (None: in part), and a sentence with the figures."""
+    """What was found: whether it is what the thesis says (None: in part), and a sentence."""
 
     agrees: bool | None
     sentence: str

@@ -23,7 +23,8 @@ FIGURES = {
     "max_error": "greatest error",
 }
 FIGURES |= {"separation": "mean distance to the aid vehicle"}  # all in metres
-WORTH_A_CLUSTER = 10_000_000  # steps in all; fewer are sooner done here than workers have started and built every case
+# Steps in all. Fewer are done here before workers have started and built every case.
+WORTH_A_CLUSTER = 10_000_000
 Z95 = 1.96  # of a normal distribution, 95 % within
 
 Cases = Mapping[tuple[str, ...], Scenario]
@@ -34,8 +35,9 @@ def fly_grid(
 ) -> "xr.Dataset":
     """Figures of merit over a grid of cases and seeds; every case meets the same noise.
 
-    ``cases`` holds every combination of the coordinates of ``dims``. Large grids are flown as a campaign, on all cores. ``planner`` makes
-    another planner than the scenario's from a case's coordinates.
+    ``cases`` holds every combination of the coordinates of ``dims``. Large grids are flown as a
+    campaign, on all cores. ``planner`` makes another planner than the scenario's from a case's
+    coordinates.
     """
     import xarray as xr
 
@@ -95,7 +97,8 @@ def fly_as_campaign(cases: Sequence[tuple[Scenario, range]]) -> list[list[list[f
         if report.failed:
             cell, seed, why = report.failures[0]
             raise ObsplanError(
-                f"{report.failed} missions failed, the first of {cell.label} with seed {seed}: {why}; try other seeds"
+                f"{report.failed} missions failed, the first of {cell.label} with seed {seed}: "
+                f"{why}; try other seeds"
             )
         table = load_campaign(folder).set_index(["scenario", "seed"]).sort_index()
     return [
@@ -114,9 +117,10 @@ def _row(row: Any) -> list[float]:
 
 
 def is_mirrored(run: Run) -> bool:
-    """Whether the first AUV's estimate ends nearer to the point reflection of the truth about the aid vehicle than to the truth.
+    """Whether the first AUV's estimate ends nearer to its mirror image than to the truth.
 
-    Ranges and headings of that image are the same if its speed is the opposite: an aid vehicle at rest can never tell.
+    The image is the point reflection about the aid vehicle. Its ranges and headings are the same
+    if its speed is the opposite: an aid vehicle at rest can never tell.
     """
     late = slice(run.time.size // 2, None)
     truth, mean, center = run.truth[0, late, :2], run.mean[0, late, :2], run.cna[late, :2]

@@ -1,4 +1,4 @@
-"""The thesis as a folder: for each item its picture, its data and what was found, and a page with all of them."""
+"""The thesis as a folder: each item's picture, data and finding, and a page with all of them."""
 
 import json
 import os
@@ -56,10 +56,11 @@ def write_thesis(
     seed: int = 1,
     progress: Progress | None = None,
 ) -> dict[str, Finding]:
-    """Make items and write pictures, data and ``thesis.md`` into a folder; returns what was found, by item.
+    """Make items and write pictures, data and ``thesis.md`` into a folder; returns the findings.
 
-    Each item is kept when it is finished, and noted in ``findings.json``; ``thesis.md`` comes last. Whatever ends the work before, the same
-    call goes on from there, and the folder holds the same bytes in the end.
+    Each item is kept when it is finished, and noted in ``findings.json``; ``thesis.md`` comes
+    last. If anything ends the work before, the same call goes on from there, and the folder holds
+    the same bytes in the end.
 
     Parameters
     ----------
@@ -70,7 +71,8 @@ def write_thesis(
     runs
         Noise seeds of tables and studies, and at most so many random starts of figures.
     seed
-        The first noise seed, and that of random starts. The same names, runs and seed give the same bytes.
+        The first noise seed, and that of random starts. The same names, runs and seed give the
+        same bytes.
     progress
         Called with (items done, items in all).
 
@@ -97,7 +99,9 @@ def write_thesis(
 def free_or_begun(
     out: Path | None, names: Iterable[str], *, runs: int = 100, seed: int = 1
 ) -> Path:
-    """The folder for these items: the one asked for, else of ``thesis``, ``thesis-2``, ... the first that was begun for them or is free.
+    """The folder for these items: the one asked for, else ``thesis``, ``thesis-2``, ...
+
+    Of the latter it is the first that was begun for them or is free.
 
     Raises
     ------
@@ -119,7 +123,10 @@ def request(items: list[Item], *, runs: int, seed: int) -> Record:
 
 
 def begun(folder: Path, asked: Record) -> Record | None:
-    """Records of the items finished in a folder that was begun for the same request and is not complete; None of any other."""
+    """Records of the items finished in a folder begun for the same request, and incomplete.
+
+    None of any other folder.
+    """
     if (folder / PAGE).exists():
         return None
     try:
@@ -156,7 +163,10 @@ def finding_of(record: Record) -> Finding:
 
 
 def write_item(item: Item, folder: Path, *, runs: int, seed: int) -> Record:
-    """Compute an item, write its NAME.nc, NAME.png and, for a table, NAME.csv; returns all that the page says of it."""
+    """Compute an item and write its NAME.nc, NAME.png and, for a table, NAME.csv.
+
+    Returns all that the page says of it.
+    """
     from obsplan.report.style import png
 
     data = item.compute(runs=runs, seed=seed)
@@ -171,7 +181,8 @@ def write_item(item: Item, folder: Path, *, runs: int, seed: int) -> Record:
 
 def netcdf(data: "xr.Dataset") -> bytes:
     """A dataset as classic NetCDF."""
-    return bytes(data.to_netcdf(engine="scipy", format="NETCDF3_64BIT"))  # pyright: ignore[reportArgumentType, reportCallIssue]
+    content: Any = data.to_netcdf(engine="scipy", format="NETCDF3_64BIT")
+    return bytes(content)
 
 
 def page(
@@ -186,13 +197,17 @@ def page(
     lines = [
         "# The thesis, reproduced",
         "",
-        "*Observability Based Path Planning in Range-only Localization*: each figure and table, what it claims, and what was found.",
+        (
+            "*Observability Based Path Planning in Range-only Localization*: each figure and "
+            "table, what it claims, and what was found."
+        ),
         f"Made with `--runs {runs} --seed {seed}`.",
         "",
         "| Item | What it shows | Found |",
         "| --- | --- | --- |",
         *(
-            f"| [{item.name}](#{anchor(item)}) | {item.title} | {item.verdict(findings[item.name])} |"
+            f"| [{item.name}](#{anchor(item)}) | {item.title} | "
+            f"{item.verdict(findings[item.name])} |"
             for item in items
         ),
     ]
@@ -218,7 +233,13 @@ def section(item: Item, finding: Finding, rows: list[list[str]]) -> list[str]:
     data = f"[data]({item.name}.nc)" + (
         f", [table]({item.name}.csv)" if item.rows is not None else ""
     )
-    text = f"**{item.title}**<br><br>**{said}:** {item.claim}<br><br>**Found, {item.verdict(finding)}:** {finding.sentence}<br><br>{data}"
+    paragraphs = (
+        f"**{item.title}**",
+        f"**{said}:** {item.claim}",
+        f"**Found, {item.verdict(finding)}:** {finding.sentence}",
+        data,
+    )
+    text = "<br><br>".join(paragraphs)
     return [
         "",
         f'### <a id="{anchor(item)}"></a>{item.name}',

@@ -31,7 +31,7 @@ SHORT_STEP = (
 LAST = 60.0  # [s] at the end, over which an orbit is judged: some ten petals
 
 
-def compute_pivot(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001 - one flight, always the same
+def compute_pivot(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001
     """Figure 5.4."""
     return fly(
         scenario("fixed-auv", "path-inertia", "planner.gamma=1.0", "duration=60.0"),
@@ -62,14 +62,15 @@ def found_pivot(data: "xr.Dataset") -> Finding:
     return Finding(
         agrees=bool(d.mean() < 1.0),
         sentence=(
-            f"The mean distance is {d.mean():.2f} m, against 1 m on the circle: petals through the AUV that reach {d.max():.2f} m "
-            f"(bound {bound:.3f} m as the time step goes to 0). κ(J) pays for it: {np.nanmean(data.condition.values):.1f} on average "
-            f"instead of 1."
+            f"The mean distance is {d.mean():.2f} m, against 1 m on the circle: petals through "
+            f"the AUV that reach {d.max():.2f} m (bound {bound:.3f} m as the time step goes to "
+            f"0). κ(J) pays for it: {np.nanmean(data.condition.values):.1f} on average instead of "
+            "1."
         ),
     )
 
 
-def compute_two(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001 - two flights, always the same
+def compute_two(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001
     """Figure 5.5."""
     return fly(
         scenario("fixed-auv", "path-inertia", "planner.gamma=1.0", "duration=80.0"),
@@ -105,11 +106,11 @@ def found_two(data: "xr.Dataset") -> Finding:
             and max(out[last].max(), falling[last].max()) < bound + step
         ),
         sentence=(
-            f"Obtuse: out to {out[leg]:.2f} m during {data.time[leg]:.1f} s, then back. Acute: no leg outward. Both end in an orbit "
-            f"through or "
-            f"about the AUV within {max(out[last].max(), falling[last].max()):.2f} m, the bound being {bound:.3f} m. Its tightest curves "
-            f"have "
-            f"{1.0 / np.abs(data.turn_rate.values).max():.1f} m, the smallest turning radius."
+            f"Obtuse: out to {out[leg]:.2f} m during {data.time[leg]:.1f} s, then back. Acute: no "
+            "leg outward. Both end in an orbit through or about the AUV within "
+            f"{max(out[last].max(), falling[last].max()):.2f} m, the bound being {bound:.3f} m. "
+            f"Its tightest curves have {1.0 / np.abs(data.turn_rate.values).max():.1f} m, the "
+            "smallest turning radius."
         ),
     )
 
@@ -161,17 +162,17 @@ def found_random(data: "xr.Dataset") -> Finding:
     return Finding(
         agrees=bool(done[given].all() and as_classed == len(kinds)),
         sentence=(
-            f"{as_classed} of {len(kinds)} random starts ({kinds.count('outward')} outward) begin as their class says; {done.sum()} end "
-            f"in an "
-            f"orbit within {d[done][:, last].max(initial=0.0):.2f} m, bounded by (r + τ)²/2τ = {bound:.3f} m. The closed form gives "
-            f"{given.sum()} of "
-            f"them time enough in {data.time[-1]:.0f} s: {(done & given).sum()} of these are settled, and the others need up to "
+            f"{as_classed} of {len(kinds)} random starts ({kinds.count('outward')} outward) begin "
+            f"as their class says; {done.sum()} end in an orbit within "
+            f"{d[done][:, last].max(initial=0.0):.2f} m, bounded by (r + τ)²/2τ = {bound:.3f} m. "
+            f"The closed form gives {given.sum()} of them time enough in {data.time[-1]:.0f} s: "
+            f"{(done & given).sum()} of these are settled, and the others need up to "
             f"{needed.max():.0f} s, as the thesis says of its one outlier."
         ),
     )
 
 
-def compute_gamma(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001 - one flight for each γ, always the same
+def compute_gamma(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001
     """Figure 5.7: the leg outward from one start for each γ, at two time steps, and the paths."""
     import xarray as xr
 
@@ -215,7 +216,7 @@ def flown_leg(gamma: float, time_step: float) -> tuple[float, float]:
 
 
 def draw_gamma(data: "xr.Dataset") -> Figure:
-    """Paths for some γ, and the leg's duration and farthest distance over γ against the closed form."""
+    """Paths for some γ, and the leg's duration and farthest distance against the closed form."""
     figure, axes = panels(3, width=4.0)
     for gamma, paint in zip(
         (0.01, 0.1, 1.0, 10.0), ("#56B4E9", "#0072B2", "#E69F00", "#D55E00"), strict=True
@@ -265,12 +266,13 @@ def found_gamma(data: "xr.Dataset") -> Finding:
     return Finding(
         agrees=falls and max(off) < 0.05,
         sentence=(
-            f"From one start the leg outward lasts {duration[0]:.0f} s at γ = {GAMMAS[0]:g}, {duration[GAMMAS.index(1.0)]:.1f} s at 1 and "
-            f"{duration[-1]:.2f} s at {GAMMAS[-1]:g}: {'shorter with every γ' if falls else 'not shorter with every γ'}. Extrapolated to "
-            f"short "
-            f"steps, durations meet the closed form to {off[0]:.1%} and distances to {off[1]:.1%}. As γ → 0 it grows as 4s³/(3Vγ²), "
-            f"without "
-            f"bound; as γ → ∞ it does not vanish but goes to {limit:.2f} s ({exact[-1]:.2f} s at γ = {GAMMAS[-1]:g})."
+            f"From one start the leg outward lasts {duration[0]:.0f} s at γ = {GAMMAS[0]:g}, "
+            f"{duration[GAMMAS.index(1.0)]:.1f} s at 1 and {duration[-1]:.2f} s at "
+            f"{GAMMAS[-1]:g}: {'shorter with every γ' if falls else 'not shorter with every γ'}. "
+            f"Extrapolated to short steps, durations meet the closed form to {off[0]:.1%} and "
+            f"distances to {off[1]:.1%}. As γ → 0 it grows as 4s³/(3Vγ²), without bound; as γ → ∞ "
+            f"it does not vanish but goes to {limit:.2f} s ({exact[-1]:.2f} s at γ = "
+            f"{GAMMAS[-1]:g})."
         ),
     )
 
@@ -287,8 +289,11 @@ ITEMS = (
     Item(
         name="fig5.5",
         title="Path inertia with a penalty (γ = 1): the two kinds of path",
-        claim="An obtuse initial angle gives a period of growing separation, then a nearly steady pivoting orbit; a right or acute "
-        "one the orbit without that period. The smallest curves are the smallest turning radius.",
+        claim=(
+            "An obtuse initial angle gives a period of growing separation, then a nearly steady "
+            "pivoting orbit; a right or acute one the orbit without that period. The smallest "
+            "curves are the smallest turning radius."
+        ),
         compute=compute_two,
         draw=draw_two,
         found=found_two,
@@ -296,7 +301,10 @@ ITEMS = (
     Item(
         name="fig5.6",
         title="Path inertia with a penalty (γ = 1), 25 random starts",
-        claim="All but one show the two kinds of path completely; the outlier was not given enough time.",
+        claim=(
+            "All but one show the two kinds of path completely; the outlier was not given enough "
+            "time."
+        ),
         compute=compute_random,
         draw=draw_random,
         found=found_random,
@@ -304,7 +312,10 @@ ITEMS = (
     Item(
         name="fig5.7",
         title="Path inertia: what γ does",
-        claim="Very small γ permits seemingly indefinite growth of the separation; the larger γ, the shorter the period of growth.",
+        claim=(
+            "Very small γ permits seemingly indefinite growth of the separation; the larger γ, "
+            "the shorter the period of growth."
+        ),
         compute=compute_gamma,
         draw=draw_gamma,
         found=found_gamma,

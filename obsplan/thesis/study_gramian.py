@@ -1,4 +1,4 @@
-"""Open questions about the empirical Gramian method: how far and how finely to look ahead, how to aggregate, which metric."""
+"""Open questions about the empirical Gramian method: horizon, time step, aggregate and metric."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -67,7 +67,7 @@ def seeds(runs: int, seed: int) -> range:
 
 @dataclass(frozen=True)
 class EulerHorizon:
-    """Algorithm 1 as one would first write it: the horizon simulated in Euler steps, the Gramian their plain sum."""
+    """Algorithm 1 as one would first write it: Euler steps, and the Gramian is their plain sum."""
 
     condition_label = "κ(W)"
 
@@ -80,7 +80,7 @@ class EulerHorizon:
         return decide(self, pose, auvs, time)
 
     def moments(self) -> DisplacementMoments:
-        """Sums over the steps of the displacement's powers, in the body frame, instead of their integrals."""
+        """Sums, not integrals, of the displacement's powers over the steps, in the body frame."""
         dt = two_thirds_turn(self.situation.cna) / self.steps
         heading = self.candidates[:, None] * np.arange(self.steps) * dt
         d1, d2 = (
@@ -194,10 +194,11 @@ def found_horizon(data: "xr.Dataset") -> Finding:
         coarse = np.flatnonzero(np.abs(euler / euler[-1] - 1.0) > SAME)
         enough = EULER_STEPS[coarse[-1] + 1] if coarse.size else EULER_STEPS[0]
         parts.append(
-            f"{label}: the duration {'hardly matters' if factor < MATTERS else f'matters by a factor of {factor:.1f}'}, "
-            f"{metres(median[best])} at "
-            f"{HORIZONS[best]:.2g} circles, {metres(median[thesis])} at the thesis's two thirds, {metres(median.max())} at worst; from "
-            f"{enough} Euler steps on, more change nothing ({', '.join(figure(e) for e in euler)} m with "
+            f"{label}: the duration "
+            f"{'hardly matters' if factor < MATTERS else f'matters by a factor of {factor:.1f}'}, "
+            f"{metres(median[best])} at {HORIZONS[best]:.2g} circles, {metres(median[thesis])} at "
+            f"the thesis's two thirds, {metres(median.max())} at worst; from {enough} Euler steps "
+            f"on, more change nothing ({', '.join(figure(e) for e in euler)} m with "
             f"{', '.join(map(str, EULER_STEPS))})"
         )
     return Finding(agrees=None, sentence=f"Median RMS errors, {'; '.join(parts)}.")
@@ -265,9 +266,9 @@ def found_aggregate(data: "xr.Dataset") -> Finding:
             for name in ("rms_error", "worst_auv_rms")
         )
         parts.append(
-            f"{mission}: RMS {against(all_[1] / all_[0])} mean, maximum {against(all_[2] / all_[0])} mean "
-            f"({', '.join(map(figure, all_))} m "
-            f"over all, {', '.join(map(figure, worst))} m for the worst AUV)"
+            f"{mission}: RMS {against(all_[1] / all_[0])} mean, maximum "
+            f"{against(all_[2] / all_[0])} mean ({', '.join(map(figure, all_))} m over all, "
+            f"{', '.join(map(figure, worst))} m for the worst AUV)"
         )
     return Finding(
         agrees=None, sentence=f"Median errors under mean, RMS and maximum. {'; '.join(parts)}."
@@ -311,9 +312,9 @@ def found_blend(data: "xr.Dataset") -> Finding:
             for metric, m, d in zip(METRICS, median, away, strict=True)
         )
         parts.append(
-            f"{mission}: the blend is {against(median[1] / median[0])} condition number and {against(median[1] / median[2])} index; "
-            f"least error "
-            f"by {METRICS[int(median.argmin())]} ({each})"
+            f"{mission}: the blend is {against(median[1] / median[0])} condition number and "
+            f"{against(median[1] / median[2])} index; least error by "
+            f"{METRICS[int(median.argmin())]} ({each})"
         )
     return Finding(agrees=None, sentence=f"Median RMS error (mean separation). {'; '.join(parts)}.")
 
@@ -322,7 +323,10 @@ ITEMS = (
     Item(
         name="study-horizon",
         title="How far and how finely to look ahead",
-        claim="What is the trade-off between the duration of the simulated horizon and its accuracy (chapter 6)?",
+        claim=(
+            "What is the trade-off between the duration of the simulated horizon and its accuracy "
+            "(chapter 6)?"
+        ),
         compute=compute_horizon,
         draw=draw_horizon,
         found=found_horizon,
@@ -330,7 +334,10 @@ ITEMS = (
     Item(
         name="study-aggregate",
         title="Mean, root mean square or maximum over AUVs",
-        claim="Would the least RMS or the least maximal condition number serve several AUVs better than the mean (chapter 6)?",
+        claim=(
+            "Would the least RMS or the least maximal condition number serve several AUVs better "
+            "than the mean (chapter 6)?"
+        ),
         compute=compute_aggregate,
         draw=draw_aggregate,
         found=found_aggregate,
@@ -338,7 +345,10 @@ ITEMS = (
     Item(
         name="study-blend",
         title="Condition number, unobservability index, or both",
-        claim="Does a combination of the condition number with the unobservability index give better paths (chapter 6)?",
+        claim=(
+            "Does a combination of the condition number with the unobservability index give "
+            "better paths (chapter 6)?"
+        ),
         compute=compute_blend,
         draw=draw_blend,
         found=found_blend,

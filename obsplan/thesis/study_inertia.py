@@ -1,4 +1,4 @@
-"""Open questions about path inertia: unequal and dynamic weights, and minimising the condition number itself."""
+"""Open questions about path inertia: unequal and dynamic weights, and the condition number."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ OUTWARD = (1.0, 0.0, 45.0)  # the obtuse start of Figure 5.2 [m, m, degrees]
 
 @dataclass(frozen=True)
 class CovarianceWeighted:
-    """A planner whose weights follow what each AUV reports: the trace of its position covariance."""
+    """A planner whose weights are the traces of the position covariances that AUVs report."""
 
     condition_label = "κ(J)"
 
@@ -74,7 +74,7 @@ def strayed(*settings: str) -> Scenario:
 
 
 def compute_weights(*, runs: int, seed: int) -> "xr.Dataset":
-    """Errors by the straying AUV's share of the weight, and with weights that follow the covariances."""
+    """Errors by the straying AUV's share of the weight, and with weights by the covariances."""
     numbers, one = seeds(runs, seed), strayed()
     cases = {
         (f"{share:.2f}",): strayed(
@@ -120,13 +120,13 @@ def found_weights(data: "xr.Dataset") -> Finding:
     return Finding(
         agrees=None,
         sentence=(
-            f"{'Yes' if all_[best] < all_[equal] else 'No'}: with one of three AUVs straying ten times as much, median RMS error over "
-            f"all (of the worst): equal weights "
-            f"{figure(all_[equal])} ({figure(worst[equal])}) m; the best fixed share for it, {WEIGHTS[best]:.2g}, {figure(all_[best])} "
-            f"({figure(worst[best])}) m; all for it {figure(all_[-1])} ({figure(worst[-1])}) m; weights following the covariances "
-            f"{figure(dynamic[0])} ({figure(dynamic[1])}) m. Since path inertia sees the AUVs only through their weighted centroid, "
-            f"weights "
-            "move the centre of the same orbit."
+            f"{'Yes' if all_[best] < all_[equal] else 'No'}: with one of three AUVs straying ten "
+            "times as much, median RMS error over all (of the worst): equal weights "
+            f"{figure(all_[equal])} ({figure(worst[equal])}) m; the best fixed share for it, "
+            f"{WEIGHTS[best]:.2g}, {figure(all_[best])} ({figure(worst[best])}) m; all for it "
+            f"{figure(all_[-1])} ({figure(worst[-1])}) m; weights following the covariances "
+            f"{figure(dynamic[0])} ({figure(dynamic[1])}) m. Since path inertia sees the AUVs "
+            "only through their weighted centroid, weights move the centre of the same orbit."
         ),
     )
 
@@ -150,7 +150,10 @@ def compute_curvature(*, runs: int, seed: int) -> "xr.Dataset":
 
 
 def spiral(data: "xr.Dataset") -> np.ndarray:
-    """The logarithmic spiral's distance, d(t) = d0 + V cos(θ0) t: the limit of short steps where the condition number is minimised."""
+    """The logarithmic spiral's distance, d(t) = d0 + V cos(θ0) t.
+
+    It is the limit of short steps where the condition number is minimised.
+    """
     x, y, heading = OUTWARD[0], OUTWARD[1], np.deg2rad(OUTWARD[2])
     away = np.hypot(x, y)
     return away + data.speed * (np.cos(heading) * x + np.sin(heading) * y) / away * data.time.values
@@ -196,12 +199,13 @@ def found_curvature(data: "xr.Dataset") -> Finding:
     return Finding(
         agrees=None,
         sentence=(
-            f"From an obtuse start it holds the angle to the line of sight: a logarithmic spiral, whose distance grows in proportion to "
-            f"time (to {off:.2f} m), {last[2]:.0f} m after {data.time[-1]:.0f} s where the difference of eigenvalues leads to "
-            f"{last[0]:.0f} m "
-            f"and with γ = 1 to {last[1]:.1f} m; its κ(J), the least at each instant, averages {mean[2]:.2f} over its own path, theirs "
-            f"{mean[0]:.2f} and {mean[1]:.2f}. "
-            f"In surveys, median RMS error (mean separation) with {', '.join(RULES)}: {'; '.join(parts)}."
+            "From an obtuse start it holds the angle to the line of sight: a logarithmic spiral, "
+            f"whose distance grows in proportion to time (to {off:.2f} m), {last[2]:.0f} m after "
+            f"{data.time[-1]:.0f} s where the difference of eigenvalues leads to {last[0]:.0f} m "
+            f"and with γ = 1 to {last[1]:.1f} m; its κ(J), the least at each instant, averages "
+            f"{mean[2]:.2f} over its own path, theirs {mean[0]:.2f} and {mean[1]:.2f}. In "
+            f"surveys, median RMS error (mean separation) with {', '.join(RULES)}: "
+            f"{'; '.join(parts)}."
         ),
     )
 
@@ -210,7 +214,10 @@ ITEMS = (
     Item(
         name="study-weights",
         title="Unequal and dynamic weights",
-        claim="Is there use in unequal weights of several AUVs, or in weights that change over time (chapter 6)?",
+        claim=(
+            "Is there use in unequal weights of several AUVs, or in weights that change over time "
+            "(chapter 6)?"
+        ),
         compute=compute_weights,
         draw=draw_weights,
         found=found_weights,
@@ -218,7 +225,10 @@ ITEMS = (
     Item(
         name="study-curvature",
         title="The condition number itself",
-        claim="What does minimising the condition number itself do that minimising the difference of eigenvalues, as in (3.20), does not?",
+        claim=(
+            "What does minimising the condition number itself do that minimising the difference "
+            "of eigenvalues, as in (3.20), does not?"
+        ),
         compute=compute_curvature,
         draw=draw_curvature,
         found=found_curvature,

@@ -1,4 +1,4 @@
-"""Tables 5.1 and 5.2: four policies of the aid vehicle, fast and slow, over many noise seeds and a grid of assumptions."""
+"""Tables 5.1 and 5.2: four policies, fast and slow, over many seeds and a grid of assumptions."""
 
 from functools import partial
 from itertools import combinations
@@ -75,7 +75,7 @@ def policies(name: str, *settings: str, printed: bool = True) -> dict[str, Scena
 
 
 def compute(name: str, *, runs: int, seed: int) -> "xr.Dataset":
-    """Errors by policy and seed under the stated assumptions, and by assumption over fewer seeds."""
+    """Errors by policy and seed as assumed, and by assumption over fewer seeds."""
     few = range(seed, seed + max(2, runs // GRID_SHARE))
     stated = fly_grid(
         {(label,): one for label, one in policies(name).items()},
@@ -98,7 +98,10 @@ def orderings(name: str) -> list[tuple[str, str]]:
 
 
 def holds(data: "xr.Dataset", better: str, worse: str) -> tuple[float, bool | None]:
-    """Share of seeds in which one policy beats the other, and whether that decides it at 95 %; None: it does not."""
+    """Share of seeds in which one policy beats the other, and whether it does so at 95 %.
+
+    None where the seeds do not decide.
+    """
     share = float((data.rms_error.sel(policy=better) < data.rms_error.sel(policy=worse)).mean())
     low, high = interval(share, data.sizes["seed"])
     return share, True if low > 0.5 else False if high < 0.5 else None
@@ -117,12 +120,14 @@ def reason(name: str, data: "xr.Dataset", better: str, worse: str) -> str:
         )
         image = "an image" if THESIS[name]["Stationary"][0] > LOST else "the truth"
         clauses.append(
-            f"stationary is on the mirror image in {lost.mean():.0%} of the seeds and {good}; the thesis's run was on {image}"
+            f"stationary is on the mirror image in {lost.mean():.0%} of the seeds and {good}; the "
+            f"thesis's run was on {image}"
         )
     if "Circular" in errors:
         drifted, thesis = np.mean(errors["Circular"] > LOST), THESIS[name]["Circular"][0]
         clauses.append(
-            f"on the circle the filter drifts away in {drifted:.0%} of the seeds; the thesis's did, to {thesis:g} m"
+            f"on the circle the filter drifts away in {drifted:.0%} of the seeds; the thesis's "
+            f"did, to {thesis:g} m"
         )
     if not clauses:
         ours, theirs = (
@@ -130,7 +135,8 @@ def reason(name: str, data: "xr.Dataset", better: str, worse: str) -> str:
             (THESIS[name][p][0] for p in (better, worse)),
         )
         clauses.append(
-            f"medians {' and '.join(ours)} m, the thesis's runs {' and '.join(f'{value:g}' for value in theirs)} m"
+            f"medians {' and '.join(ours)} m, the thesis's runs "
+            f"{' and '.join(f'{value:g}' for value in theirs)} m"
         )
     return "; ".join(clauses)
 
@@ -190,14 +196,18 @@ def found(name: str, data: "xr.Dataset") -> Finding:
     return Finding(
         agrees=True if count == len(decided) else None if count else False,
         sentence=(
-            f"RMS errors [m], median [quartiles] over {data.sizes['seed']} seeds: {errors}. {count} of {len(decided)} orderings are "
-            f"reproduced (share of seeds): {marks}. Why: {'; '.join(whys)}."
+            f"RMS errors [m], median [quartiles] over {data.sizes['seed']} seeds: {errors}. "
+            f"{count} of {len(decided)} orderings are reproduced (share of seeds): {marks}. Why: "
+            f"{'; '.join(whys)}."
         ),
     )
 
 
 def draw(name: str, data: "xr.Dataset") -> Figure:
-    """RMS and greatest errors with the thesis's figures, and the share of seeds in which each ordering holds over the grid."""
+    """Errors beside the thesis's, and the share of seeds in which each ordering holds.
+
+    The errors are RMS and greatest; the shares are over the grid.
+    """
     figure = Figure(figsize=(13.5, 4.6), layout="constrained")
     left, middle, right = figure.subplots(1, 3, width_ratios=(1.0, 1.0, 1.1))
     for axes, variable, column, label in (
@@ -291,15 +301,19 @@ ITEMS = (
         "survey-fast",
         "1",
         "Localization with a fast aid vehicle, ten times the AUV's speed",
-        "RMS (greatest) error: Gramian 0.1 (2.3) m, path inertia 0.2 (3.1) m, circle 29.3 (117.8) m, stationary 71.0 (118.0) m: both "
-        "planning "
-        "methods dramatically better.",
+        (
+            "RMS (greatest) error: Gramian 0.1 (2.3) m, path inertia 0.2 (3.1) m, circle 29.3 "
+            "(117.8) m, stationary 71.0 (118.0) m: both planning methods dramatically better."
+        ),
     ),
     item(
         "survey-slow",
         "2",
         "Localization with a slow aid vehicle, as fast as the AUV",
-        "RMS (greatest) error: path inertia 0.3 (3.1) m, stationary 2.5 (12.6) m, Gramian 5.6 (16.3) m, circle 24.1 (48.6) m: path inertia "
-        "as good as when fast, the Gramian method markedly worse.",
+        (
+            "RMS (greatest) error: path inertia 0.3 (3.1) m, stationary 2.5 (12.6) m, Gramian 5.6 "
+            "(16.3) m, circle 24.1 (48.6) m: path inertia as good as when fast, the Gramian "
+            "method markedly worse."
+        ),
     ),
 )
