@@ -9,7 +9,7 @@ import numpy as np
 from obsplan.constraints import Disc
 from obsplan.files import write_atomically
 from obsplan.scenario.areas import Shape
-from obsplan.scenario.files import from_dict
+from obsplan.scenario.scenario import from_dict
 from obsplan.scenario.template import scenario_text
 from obsplan.scenario.understood import TANK, Surveyor, Understood, plain, understand
 

@@ -1,26 +1,17 @@
-"""Scenario files in and out; the only reader of user configuration."""
+"""Scenario files, shipped or a user's."""
 
-import re
-import reprlib
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
-from obsplan.planners import PLANNERS
-from obsplan.plugins import is_own
-from obsplan.scenario.base import tuples
-from obsplan.scenario.messages import OWN, as_error
-from obsplan.scenario.scenario import Scenario
-from obsplan.scenario.tables import CHOICES, Origin, ScenarioTable
+from obsplan.scenario.scenario import Scenario, from_dict
+from obsplan.scenario.settings import with_planner, with_setting
 from obsplan.spelling import nearest
 from obsplan.types import ObsplanError
 
 SHIPPED = Path(str(files("obsplan") / "scenarios"))
-NESTED = "__"  # in the name of an argument, for the dot of a key
 
 
 def shipped() -> list[str]:
@@ -57,56 +48,6 @@ def load(name: str | Path, *, planner: str | None = None, settings: Sequence[str
     for setting in settings:
         data = with_setting(data, setting)
     return from_dict(data, source=source, folder=path.parent)
-
-
-def from_dict(data: dict[str, Any], *, source: str = "scenario", folder: Path = Path()) -> Scenario:
-    """Check the contents of a scenario file, arrays for lists welcome; relative paths in it start at ``folder``.
-
-    Raises
-    ------
-    ObsplanError
-        As `load`.
-    """
-    try:
-        contents = tuples(data)
-        table = ScenarioTable.model_validate(contents, context={"origin": origin_of(contents)})
-    except ValidationError as error:
-        raise as_error(source, error) from None
-    scenario = Scenario(table=table, source=source, folder=folder)
-    scenario.check()
-    return scenario
-
-
-def origin_of(data: dict[str, Any]) -> tuple[float, float] | None:
-    """Latitude and longitude of a scenario's origin [deg]; None where it is missing or wrong."""
-    try:
-        origin = Origin.model_validate(data.get("origin"))
-    except ValidationError:  # said when all of the contents are checked
-        return None
-    return origin.lat, origin.lon
-
-
-def changed(scenario: Scenario, changes: dict[str, Any]) -> Scenario:
-    """The scenario with other values for some keys; see `Scenario.replace`."""
-    data = scenario.table.model_dump(exclude_unset=True, exclude_none=True)
-    keys = dict(changes)
-    if isinstance(keys.get("planner"), str):
-        data = with_planner(data, keys.pop("planner"))
-    for key, value in keys.items():
-        setting = f"{key} = {reprlib.repr(value)}"
-        data = replaced(data, key.split(NESTED), value, setting)
-    try:
-        return from_dict(data, source=scenario.source, folder=scenario.folder)
-    except ObsplanError as error:
-        raise ObsplanError(as_given(str(error), keys)) from None
-
-
-def as_given(message: str, keys: Iterable[str]) -> str:
-    """A message with the keys spelt as the caller gave them: ``cna__speed`` for ``cna.speed``."""
-    for key in sorted(keys, key=len, reverse=True):
-        dotted = re.escape(key.replace(NESTED, "."))
-        message = re.sub(rf"(?<![\w.]){dotted}(?!\w)", key, message)
-    return message
 
 
 def find(name: str | Path) -> Path:
@@ -148,60 +89,3 @@ def read(path: Path) -> dict[str, Any]:
         raise ObsplanError(
             f"{path}: is not valid TOML: {error}; for a mission file use `obsplan new {path.name}`"
         ) from None
-
-
-def with_planner(data: dict[str, Any], planner: str | None) -> dict[str, Any]:
-    """The contents with another planner, at the same interval and knowledge."""
-    if planner is None:
-        return data
-    if not is_own(planner) and planner not in (*PLANNERS, "default"):
-        remedy = nearest(planner, [*PLANNERS, "default"])
-        raise ObsplanError(f'no planner "{planner}"; {remedy}{OWN}')
-    table = data.get("planner", {})
-    kept = {key: table[key] for key in ("interval", "knowledge") if key in table}
-    same = table if table.get("kind") == planner else {}
-    return {**data, "planner": {**same, **kept, "kind": planner}}
-
-
-def with_setting(data: dict[str, Any], setting: str) -> dict[str, Any]:
-    """The contents with one ``table.key=value`` set."""
-    key, equals, text = setting.partition("=")
-    if not equals or not key.strip():
-        raise ObsplanError(
-            f'--set "{setting}" has no value; write table.key=value, for example cna.speed=1.5'
-        )
-    try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        value = text  # a bare word is a string
-    return replaced(data, key.strip().split("."), value, f'--set "{setting}"')
-
-
-def replaced(data: Any, path: list[str], value: Any, setting: str) -> Any:
-    """A copy of nested tables and lists with one place replaced; ``setting`` is what the user wrote."""
-    if not path:
-        return beside(data, value)
-    head, rest = path[0], path[1:]
-    if isinstance(data, list | tuple):
-        if not head.isdigit() or int(head) >= len(data):
-            raise ObsplanError(
-                f"{setting}: {head} is not one of the {len(data)} entries, which count from 0"
-            )
-        return [
-            replaced(item, rest, value, setting) if i == int(head) else item
-            for i, item in enumerate(data)
-        ]
-    if not isinstance(data, dict):
-        raise ObsplanError(
-            f"{setting}: {head} is not a key, because the entry above it is a value; see `obsplan schema`"
-        )
-    return {**data, head: replaced(data.get(head, {}), rest, value, setting)}
-
-
-def beside(table: Any, value: Any) -> Any:
-    """What takes a table's place; an object keeps those keys of it that every class has, such as the time between ranges."""
-    choice = next((choice for choice in CHOICES if choice.fits(value)), None)
-    if choice is None or not isinstance(table, dict):
-        return value
-    kept = {key: table[key] for key in choice.base.model_fields if key in table}
-    return {**kept, "kind": value}

@@ -1,5 +1,6 @@
 """A checked scenario, and the objects it stands for."""
 
+import reprlib
 from dataclasses import dataclass
 from functools import cached_property
 from inspect import signature
@@ -8,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Integer
+from pydantic import ValidationError
 
 from formulations.model.covariance import Ranging
 from obsplan.constraints import Constraints, Disc
@@ -18,10 +20,13 @@ from obsplan.planning.interface import Planner, check_planner
 from obsplan.planning.situation import Situation
 from obsplan.plugins import class_of
 from obsplan.scenario.areas import Role, Shape, as_entry, as_fence, common, shapes_of
+from obsplan.scenario.base import tuples
 from obsplan.scenario.choice import options
 from obsplan.scenario.equipment import Equipment
+from obsplan.scenario.messages import as_error
 from obsplan.scenario.plausible import check_metres_are_metres, known_speeds
-from obsplan.scenario.tables import AreaTable, MissionSurvey
+from obsplan.scenario.settings import NESTED, as_given, replaced, with_planner
+from obsplan.scenario.tables import AreaTable, MissionSurvey, Origin, ScenarioTable
 from obsplan.surveys import SURVEYS, Formation, Motion, Reference, Waypoints
 from obsplan.types import ObsplanError, Pose
 from obsplan.vehicles import Unicycle
@@ -88,10 +93,18 @@ class Scenario(Equipment):
         ObsplanError
             As `load`; keys are named as they are written here.
         """
-        from obsplan.scenario.files import changed
-
-        named = {} if planner is None else {"planner": planner}
-        return changed(self, named | settings)
+        data = self.table.model_dump(exclude_unset=True, exclude_none=True)
+        if isinstance(planner, str):
+            data = with_planner(data, planner)
+        elif planner is not None:
+            settings = {"planner": planner, **settings}
+        for key, value in settings.items():
+            said = f"{key} = {reprlib.repr(value)}"
+            data = replaced(data, key.split(NESTED), value, said)
+        try:
+            return from_dict(data, source=self.source, folder=self.folder)
+        except ObsplanError as error:
+            raise ObsplanError(as_given(str(error), settings)) from None
 
     @cached_property
     def cna(self) -> Unicycle:
@@ -339,3 +352,30 @@ def _waypoints(reference: Reference) -> dict[str, Any]:
     if reference.hold is not None:
         survey["holds"] = reference.hold.tolist()
     return survey
+
+
+def from_dict(data: dict[str, Any], *, source: str = "scenario", folder: Path = Path()) -> Scenario:
+    """Check the contents of a scenario file, arrays for lists welcome; relative paths in it start at ``folder``.
+
+    Raises
+    ------
+    ObsplanError
+        As `load`.
+    """
+    try:
+        contents = tuples(data)
+        table = ScenarioTable.model_validate(contents, context={"origin": origin_of(contents)})
+    except ValidationError as error:
+        raise as_error(source, error) from None
+    scenario = Scenario(table=table, source=source, folder=folder)
+    scenario.check()
+    return scenario
+
+
+def origin_of(data: dict[str, Any]) -> tuple[float, float] | None:
+    """Latitude and longitude of a scenario's origin [deg]; None where it is missing or wrong."""
+    try:
+        origin = Origin.model_validate(data.get("origin"))
+    except ValidationError:  # said when all of the contents are checked
+        return None
+    return origin.lat, origin.lon
