@@ -166,10 +166,10 @@ class FlownPath:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Legs that fit: where they begin and end, and their squared deviations.
 
-        Begin and end are indices of possible waypoints.
-        A path near a leg is near its parts, to twice the tolerance (Agarwal et al., Algorithmica
-        42, 2005, lemma 3.3): beyond that no farther end is looked at. Of what lies between the ends of
-        long legs only a part is looked at: whether a mission fits is measured in the end.
+        Begin and end are indices of possible waypoints. A path near a leg is near its parts, to
+        twice the tolerance (Agarwal et al., Algorithmica 42, 2005, lemma 3.3): beyond that no
+        farther end is looked at. Of what lies between the ends of long legs only a part is looked
+        at: whether a mission fits is measured in the end.
         """
         room = room.times(1.0 - COARSE)
         found = []

@@ -39,12 +39,15 @@ def load(name: str | Path, *, planner: str | None = None, settings: Sequence[str
     Parameters
     ----------
     name
-        Name of a shipped scenario, or path of a TOML file. A name that is shipped always means the shipped scenario: a file of that
-        name is ``"./NAME"``, a folder of that name is never looked at.
+        Name of a shipped scenario, or path of a TOML file. A name that is shipped always means the
+        shipped scenario: a file of that name is ``"./NAME"``, a folder of that name is never looked
+        at.
     planner
-        Replaces the kind of planner and its own options; the time between decisions and the planner's knowledge stay.
+        Replaces the kind of planner and its own options. The time between decisions and the
+        planner's knowledge stay.
     settings
-        ``table.key=value`` each, applied after ``planner``; tables in a list by number: ``auv.0.speed=0.5``.
+        ``table.key=value`` each, applied after ``planner``; tables in a list by number:
+        ``auv.0.speed=0.5``.
 
     Raises
     ------
@@ -60,7 +63,9 @@ def load(name: str | Path, *, planner: str | None = None, settings: Sequence[str
 
 
 def from_dict(data: dict[str, Any], *, source: str = "scenario", folder: Path = Path()) -> Scenario:
-    """Check the contents of a scenario file, arrays for lists welcome; relative paths in it start at ``folder``.
+    """Check the contents of a scenario file; relative paths in it start at ``folder``.
+
+    Arrays may stand for lists.
 
     Raises
     ------
@@ -110,7 +115,10 @@ def as_given(message: str, keys: Iterable[str]) -> str:
 
 
 def find(name: str | Path) -> Path:
-    """Path of a scenario file by its shipped name, which means nothing else whatever lies in the working directory, or by its path."""
+    """Path of a scenario file by its shipped name, or by its path.
+
+    A shipped name means nothing else, whatever lies in the working directory.
+    """
     if str(name) in shipped() + suite():
         return SHIPPED / f"{name}.toml"
     path = Path(name)
@@ -122,7 +130,7 @@ def find(name: str | Path) -> Path:
 
 
 def meant(path: Path) -> str:
-    """The remedy for a path that is no scenario file: the file beside it, or inside it, that was probably meant."""
+    """The remedy for a path that is no scenario file: the file beside or inside it, if any."""
     candidates = (Path(f"{path}.toml"), path / "scenario.toml")
     there = [str(file) for file in candidates if file.is_file()]
     return f'did you mean "{there[0]}"?' if there else nearest(str(path), shipped())
@@ -178,7 +186,7 @@ def with_setting(data: dict[str, Any], setting: str) -> dict[str, Any]:
 
 
 def replaced(data: Any, path: list[str], value: Any, setting: str) -> Any:
-    """A copy of nested tables and lists with one place replaced; ``setting`` is what the user wrote."""
+    """A copy of nested tables and lists with one place replaced; ``setting`` is the user's text."""
     if not path:
         return beside(data, value)
     head, rest = path[0], path[1:]
@@ -193,13 +201,17 @@ def replaced(data: Any, path: list[str], value: Any, setting: str) -> Any:
         ]
     if not isinstance(data, dict):
         raise ObsplanError(
-            f"{setting}: {head} is not a key, because the entry above it is a value; see `obsplan schema`"
+            f"{setting}: {head} is not a key, because the entry above it is a value; see `obsplan "
+            "schema`"
         )
     return {**data, head: replaced(data.get(head, {}), rest, value, setting)}
 
 
 def beside(table: Any, value: Any) -> Any:
-    """What takes a table's place; an object keeps those keys of it that every class has, such as the time between ranges."""
+    """What takes a table's place.
+
+    An object keeps those keys of it that every class has, such as the time between ranges.
+    """
     choice = next((choice for choice in CHOICES if choice.fits(value)), None)
     if choice is None or not isinstance(table, dict):
         return value
