@@ -34,7 +34,8 @@ class Disc:
     def __post_init__(self) -> None:
         if not (np.isfinite([self.x, self.y]).all() and 0 < self.radius < np.inf):
             raise ValueError(
-                f"a disc needs a finite centre and a positive radius [m], got ({self.x}, {self.y}) and {self.radius}"
+                f"a disc needs a finite centre and a positive radius [m], got ({self.x}, "
+                f"{self.y}) and {self.radius}"
             )
 
     def signed_distance(
@@ -50,7 +51,10 @@ class Disc:
         return self.x - r, self.y - r, self.x + r, self.y + r
 
     def inscribed(self) -> "Polygon":
-        """The regular polygon with `CORNERS` corners on the edge: within the disc, by at most 0.5 % of its radius."""
+        """The regular polygon with `CORNERS` corners on the edge.
+
+        It lies within the disc, by at most 0.5 % of its radius.
+        """
         angles = 2 * np.pi * np.arange(CORNERS) / CORNERS
         corners = np.array([self.x, self.y]) + self.radius * np.column_stack(
             [np.cos(angles), np.sin(angles)]
@@ -88,7 +92,8 @@ class Polygon:
             raise ValueError(f"a polygon needs at least three corners, got {len(points)}")
         if not (np.isfinite(points).all() and self._shape.is_valid and self._shape.area > 0):
             raise ValueError(
-                f"the line of a polygon must be finite, enclose an area and not cross itself, got {reprlib.repr(list(points))}"
+                "the line of a polygon must be finite, enclose an area and not cross itself, got "
+                f"{reprlib.repr(list(points))}"
             )
 
     @cached_property
@@ -169,7 +174,8 @@ class Constraints:
     def __post_init__(self) -> None:
         if not 0 <= self.min_separation < self.max_separation:
             raise ValueError(
-                f"separations must be 0 <= least < greatest [m], got {self.min_separation} and {self.max_separation}"
+                f"separations must be 0 <= least < greatest [m], got {self.min_separation} and "
+                f"{self.max_separation}"
             )
 
     def __bool__(self) -> bool:
@@ -179,7 +185,10 @@ class Constraints:
     def fixed_violation(
         self, positions: Float[np.ndarray, "*batch 2"]
     ) -> Float[np.ndarray, "*batch"]:
-        """How far [m] positions are inside a keep-out or outside the geofence; at most 0 where they are right, -inf without either."""
+        """How far [m] positions are inside a keep-out or outside the geofence.
+
+        At most 0 where they are neither; -inf where there is no keep-out and no geofence.
+        """
         worst = np.full(positions.shape[:-1], -np.inf)
         for area, sign in self._areas:
             worst = np.maximum(worst, sign * area.signed_distance(positions))
@@ -187,7 +196,10 @@ class Constraints:
 
     @property
     def _areas(self) -> list[tuple[Disc | Polygon, float]]:
-        """Each keep-out and, last, the geofence; what turns the distance from its edge into a violation."""
+        """Each keep-out and, last, the geofence, with a sign.
+
+        It turns the distance from the edge into a violation.
+        """
         areas = [(area, -1.0) for area in self.keep_out]
         return areas if self.geofence is None else [*areas, (self.geofence, 1.0)]
 
@@ -235,7 +247,7 @@ class Constraints:
         return tuple(told)
 
     def keeps_legs(self, legs: Float[np.ndarray, "n 2 2"]) -> Bool[np.ndarray, " n"]:
-        """Whether straight legs, from their first to their second place, keep out and within the geofence."""
+        """Whether straight legs between two places keep out and within the geofence."""
         kept = (
             np.ones(len(legs), dtype=bool) if self.geofence is None else self.geofence.holds(legs)
         )
@@ -249,7 +261,10 @@ class Constraints:
         auvs: Float[np.ndarray, "*#batch M 2"],
         margin: Float[np.ndarray, " M"] | float = 0.0,
     ) -> Float[np.ndarray, "*batch"]:
-        """How far [m] positions are from a permitted distance to every AUV, with a margin [m] for each; at most 0 if right."""
+        """How far [m] positions are from a permitted distance to every AUV; at most 0 if right.
+
+        A margin [m] is kept from each AUV.
+        """
         if not self._separates:
             return np.full(positions.shape[:-1], -np.inf)
         way = positions[..., None, :] - auvs
@@ -269,7 +284,9 @@ class Constraints:
         auvs: Float[np.ndarray, "*#batch M 2"],
         margin: Float[np.ndarray, " M"] | float = 0.0,
     ) -> Float[np.ndarray, "*batch"]:
-        """How far [m] positions break a limit, 0 where they keep all; it changes by no more than the vehicles move.
+        """How far [m] positions break a limit, 0 where they keep all.
+
+        It changes by no more than the vehicles move.
 
         The last axis of the batch is a path, of which the middle is looked at first.
         """
@@ -298,7 +315,10 @@ class Constraints:
 
     @cached_property
     def _boxes(self) -> Float[np.ndarray, "4 areas"]:
-        """West, south, east and north ends of where each area can be broken: a keep-out only inside it, the geofence anywhere."""
+        """West, south, east and north ends of where each area can be broken.
+
+        A keep-out can be broken only inside it, the geofence anywhere.
+        """
         anywhere = (-np.inf, -np.inf, np.inf, np.inf)
         boxes = [area.box if sign < 0 else anywhere for area, sign in self._areas]
         return np.array(boxes).reshape(-1, 4).T
@@ -319,19 +339,22 @@ def first_move_violation(
     auvs: Callable[[Float[np.ndarray, " points"]], Float[np.ndarray, "points M 2"]],
     margin: Float[np.ndarray, " M"] | float = 0.0,
 ) -> Float[np.ndarray, " K"]:
-    """How far [m] each turn held until the next decision breaks a limit, or leaves the vehicle where it must break one.
+    """How far [m] each turn breaks a limit before the next decision, or without fail after it.
 
-    A vehicle that cannot stop is safe for ever as long as one of its two smallest circles, with what it encloses, is within the fixed
-    limits: turning on the free one keeps it free. So if the limiting turns are among the candidates and one circle is free now, some
-    candidate always keeps within the fixed limits. It is preferred where no separation can be kept: whatever breaks a fixed limit is made
-    out to be worse than the worst that does not. Distances change by no more than the vehicles move: half of that between points looked at
-    is added, and nothing between them is missed.
+    A vehicle that cannot stop is safe for ever as long as one of its two smallest circles, with
+    what it encloses, is within the fixed limits: turning on the free one keeps it free. These
+    circles are the terminal safe set. So if the limiting turns are among the candidates and one
+    circle is free now, some candidate always keeps within the fixed limits.
+
+    It is preferred where no separation can be kept: whatever breaks a fixed limit counts as worse
+    than the worst that does not. Distances change by no more than the vehicles move. Half of that
+    between the points looked at is added, so that nothing between them is missed.
 
     Parameters
     ----------
     pose, turn_rates, speed, radius, interval
-        Pose now (east, north [m], heading [rad]); candidates [rad/s]; speed [m/s]; smallest turning radius [m]; time until the next
-        decision [s].
+        Pose now (east, north [m], heading [rad]); candidates [rad/s]; speed [m/s]; smallest turning
+        radius [m]; time until the next decision [s].
     auvs
         Positions of the AUVs [m] at times from now [s].
     margin
@@ -358,7 +381,10 @@ def first_move_violation(
 def loiter_violation(
     constraints: Constraints, poses: Float[np.ndarray, "*batch 3"], radius: float
 ) -> Float[np.ndarray, "*batch 2"]:
-    """How far [m] the smallest circles to the left and the right of poses, with what they enclose, are outside the fixed limits."""
+    """How far [m] the smallest circles left and right of poses are outside the fixed limits.
+
+    A circle counts with what it encloses.
+    """
     left = radius * np.stack([-np.sin(poses[..., 2]), np.cos(poses[..., 2])], axis=-1)
     centers = poses[..., None, :2] + np.array([[1.0], [-1.0]]) * left[..., None, :]
     return constraints.fixed_violation(centers) + radius

@@ -8,9 +8,10 @@ from obsplan.types import ObsplanError
 
 
 def write_atomically(path: Path | str, content: str | bytes) -> None:
-    """Write a file under a temporary name in its folder, then rename it: nobody ever sees half of it.
+    """Write a file under a temporary name in its folder, then rename it: nobody sees half of it.
 
-    Text is written as UTF-8 with its line ends untouched, so that the bytes are the same on every system.
+    Text is written as UTF-8 with its line ends untouched, so that the bytes are the same on every
+    system.
 
     Raises
     ------
@@ -24,7 +25,8 @@ def write_atomically(path: Path | str, content: str | bytes) -> None:
         part.replace(path)
     except OSError as error:
         raise ObsplanError(
-            f"{path} cannot be written ({error.strerror}): choose another folder, or make this one writable"
+            f"{path} cannot be written ({error.strerror}): choose another folder, or make this "
+            "one writable"
         ) from error
     finally:
         with suppress(OSError):  # renamed, or never there

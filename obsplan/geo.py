@@ -4,7 +4,8 @@ import numpy as np
 from jaxtyping import Float
 
 MEAN_RADIUS = 6_371_008.8  # [m]; of the Earth, (2a + b) / 3 of WGS 84
-_PASSES = 3  # each removes all but 5e-6 of the height error at 20 km; two leave 5e-7 m, three only rounding
+# Each removes all but 5e-6 of the height error at 20 km; two leave 5e-7 m, three only rounding.
+_PASSES = 3
 
 
 def to_local(
@@ -12,7 +13,8 @@ def to_local(
 ) -> Float[np.ndarray, "*n 2"]:
     """Give east and north [m] of points on the ellipsoid in the plane tangent to it at the origin.
 
-    The curvature is not unrolled: at d metres from the origin distances are short by about d³/(6R²), 0.03 m at 20 km.
+    The curvature is not unrolled: at d metres from the origin distances are short by about
+    d³/(6R²), 0.03 m at 20 km.
 
     Parameters
     ----------
@@ -32,10 +34,10 @@ def to_local(
 def to_geographic(
     xy: Float[np.ndarray, "*n 2"], origin: tuple[float, float]
 ) -> Float[np.ndarray, "*n 2"]:
-    """Give latitude and longitude [degrees] of the points at altitude 0 whose east and north [m] these are.
+    """Give latitude and longitude [degrees] of points at altitude 0 from their east and north [m].
 
-    The inverse of `to_local`, to better than 1e-7 m within 20 km. The tangent plane lies above the ellipsoid, by 31 m at 20 km: a point is
-    lowered from it until its altitude vanishes.
+    The inverse of `to_local`, to better than 1e-7 m within 20 km. The tangent plane lies above the
+    ellipsoid, by 31 m at 20 km: a point is lowered from it until its altitude vanishes.
     """
     import pymap3d
 

@@ -114,7 +114,7 @@ def kind_of_object(given: object, known: Mapping[str, type[Any]]) -> str:
 
 
 def fingerprint(kinds: list[str]) -> str:
-    """SHA-256 of the files that hold users' classes and their base classes, not of what they import."""
+    """SHA-256 of the files of users' classes and their base classes, not of what they import."""
     files = {
         getsourcefile(base)
         for kind in kinds

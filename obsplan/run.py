@@ -97,7 +97,10 @@ class Run:
 
     @property
     def rms_error(self) -> float:
-        """Root mean square of the position error over time and AUVs [m], the first estimate included, as in the thesis's tables."""
+        """Root mean square of the position error over time and AUVs [m].
+
+        The first estimate is included, as in the thesis's tables.
+        """
         return float(np.sqrt(np.mean(self.error**2)))
 
     @property
@@ -107,7 +110,10 @@ class Run:
 
     @cached_property
     def nees(self) -> Float[np.ndarray, "auvs samples"]:
-        """Normalised squared position error: chi-square with 2 degrees if the filter is consistent, nan where P is singular."""
+        """Normalised squared position error, nan where P is singular.
+
+        It is chi-square with 2 degrees of freedom if the filter is consistent.
+        """
         d = self.mean[..., :2] - self.truth[..., :2]
         P = self.covariance[..., :2, :2]
         determinant = P[..., 0, 0] * P[..., 1, 1] - P[..., 0, 1] ** 2
@@ -146,7 +152,7 @@ class Run:
 
     @cached_property
     def violation(self) -> Float[np.ndarray, "auvs samples"]:
-        """How far [m] the aid vehicle breaks the scenario's limits with respect to each AUV; at most 0 where it keeps them."""
+        """How far [m] the aid vehicle breaks limits for each AUV; at most 0 if it keeps them."""
         worst = np.full(self.separation.shape, -np.inf)
         for limit in self.limits:
             rows = slice(None) if limit.auv is None else limit.auv
@@ -191,10 +197,11 @@ class Run:
 
     @cached_property
     def information_bounds(self) -> tuple[InformationBound, ...]:
-        """Per AUV, a certified lower bound on the mean square position error of every path of the aid vehicle.
+        """Per AUV, a certified lower bound on the mean square position error of every path.
 
-        It is of unbiased estimators from the first covariance on, along the true AUV trajectory. A squared range is worth more the farther:
-        there it holds for every path the aid vehicle can travel from its start.
+        It is of unbiased estimators from the first covariance on, along the true AUV trajectory. A
+        squared range is worth more the farther: there it holds for every path the aid vehicle can
+        travel from its start.
 
         Raises
         ------
@@ -217,7 +224,7 @@ class Run:
         )
 
     def _least_sigma(self) -> Float[np.ndarray, "auvs pings"]:
-        """Smallest standard deviation of a range [m] that any path of the aid vehicle reaches at each ping."""
+        """Smallest standard deviation [m] of a range that any path reaches at each ping."""
         pings, sigma = self.scenario.pings, self.scenario.range_sensor.sigma
         if self.scenario.ranging_kind == "range":
             return np.full((len(self.names), pings.size), sigma)
@@ -241,7 +248,7 @@ class Run:
         return np.stack([np.diag(row**2 * scenario.table.time_step) for row in rows])
 
     def _compass_information(self) -> Float[np.ndarray, "steps n n"]:
-        """What the heading measured on arriving at each sample after the first tells of the state."""
+        """What the heading measured on arrival at each sample after the first tells of states."""
         n = self.truth.shape[-1]
         J = np.zeros((self.time.size - 1, n, n))
         J[:, 2, 2] = self.scenario.heading_sensor.sigma**-2
@@ -301,10 +308,10 @@ class Run:
         return {key: float(value) if np.isfinite(value) else None for key, value in figures.items()}
 
     def plot(self) -> "Figure":
-        """Draw the map: surveys, true tracks, estimates with 95 % ellipses, the aid vehicle's path; east and north [m].
+        """Draw the map: surveys, true tracks, estimates with 95 % ellipses, aid vehicle's path.
 
-        The figure belongs to no window: a script saves it, ``run.plot().savefig("map.png")``; a notebook shows it after
-        ``%matplotlib inline``.
+        Axes are east and north [m]. The figure belongs to no window. A script saves it,
+        ``run.plot().savefig("map.png")``; a notebook shows it after ``%matplotlib inline``.
         """
         from obsplan.report import map_figure, styled
 
@@ -315,7 +322,10 @@ class Run:
 def record(
     scenario: Scenario, planner: object, seed: int, carry: Any, log: Any, timing: Timing
 ) -> Run:
-    """Make a run of the loop's carries (samples, AUVs, rows; covariances whole) and logs (steps, AUVs, rows)."""
+    """Make a run of the loop's carries and logs.
+
+    Carries have the axes (samples, AUVs, rows), covariances being whole; logs (steps, AUVs, rows).
+    """
     per_auv = lambda a: np.ascontiguousarray(a.swapaxes(0, 1))  # noqa: E731
     missing = np.full((len(scenario.table.auv), 1), np.nan)
     turn_rate, speed = np.concatenate(

@@ -1,4 +1,4 @@
-"""What passes between the simulator and a planner: Pose, Belief, Decision; and the one error that users see."""
+"""What passes between simulator and planner: Pose, Belief, Decision; and the error users see."""
 
 import reprlib
 from collections.abc import Callable, Sequence
@@ -16,12 +16,15 @@ ROUNDING = 1e-8  # of a covariance, relative: the square root of what a double r
 
 
 class ObsplanError(Exception):
-    """What the user gave cannot be used; the message is one sentence with the place, the value and the remedy."""
+    """What the user gave cannot be used; one sentence with the place, the value and the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where the aid vehicle is: local east/north [m], heading [rad] counter-clockwise from east, present turn rate [rad/s]."""
+    """Where the aid vehicle is: local east/north [m], heading [rad], present turn rate [rad/s].
+
+    The heading is counter-clockwise from east.
+    """
 
     x: float
     y: float
@@ -31,7 +34,7 @@ class Pose:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Belief:
-    """What the planner knows of one AUV; never the truth, unless the scenario says ``knowledge = "truth"``.
+    """What the planner knows of one AUV; the truth only under ``knowledge = "truth"``.
 
     ``mean`` is (east [m], north [m], heading [rad], speed through the water [m/s]); ``covariance``
     (4 x 4) the AUV's own, as last reported and predicted since, wherever the mean comes from;
@@ -39,14 +42,15 @@ class Belief:
     [rad] and speed [m/s]; ``current`` the water's velocity [m/s], by which it is carried; ``route``
     its planned positions as a function of time from now [s], where they are known.
 
-    ``checked=False`` keeps the arrays themselves, whatever they hold. The simulator asks for it: a filter that has failed is for the
-    planner to answer, with a status.
+    ``checked=False`` keeps the arrays themselves, whatever they hold. The simulator asks for it: a
+    filter that has failed is for the planner to answer, with a status.
 
     Raises
     ------
     ValueError
-        A negative weight, a mean that is not 4 numbers, or a covariance that is not 4 x 4, symmetric and positive semidefinite within
-        rounding. One that is not finite is accepted, and planners answer it with a status.
+        A negative weight, a mean that is not 4 numbers, or a covariance that is not 4 x 4,
+        symmetric and positive semidefinite within rounding. One that is not finite is accepted, and
+        planners answer it with a status.
     """
 
     mean: Float[np.ndarray, "4"]
@@ -75,7 +79,7 @@ class Belief:
         covariance: np.ndarray | None = None,
         weight: float = 1.0,
     ) -> "Belief":
-        """Believe in a position [m], heading [rad] and speed [m/s]; the covariance is zero unless given (4 x 4)."""
+        """Believe in a position [m], heading [rad] and speed [m/s]; no covariance (4 x 4) is 0."""
         return cls(
             mean=np.array([x, y, heading, speed], dtype=float),
             covariance=np.zeros((4, 4)) if covariance is None else covariance,
@@ -83,7 +87,7 @@ class Belief:
         )
 
     def ahead(self, times: Float[np.ndarray, " steps"]) -> Float[np.ndarray, "steps 2"]:
-        """Predict positions [m] at times from now [s]: along the route where it is known, else at constant velocity."""
+        """Predict positions [m] at times from now [s], on the route or at constant velocity."""
         if self.route is not None:
             return self.route(times)
         x, y, heading, speed = self.mean
@@ -100,9 +104,9 @@ def no_poses() -> Float[np.ndarray, "0 3"]:
 class Decision:
     """The manoeuvre a planner chose: turn rate and speed to hold until the next decision.
 
-    ``predict`` makes the predicted poses, which are `path`; default: none. ``score`` is the planner's
-    own objective in its own unit; ``condition`` the predicted condition number per AUV, nan where the
-    planner has none.
+    ``predict`` makes the predicted poses, which are `path`; default: none. ``score`` is the
+    planner's own objective in its own unit; ``condition`` the predicted condition number per AUV,
+    nan where the planner has none.
     """
 
     turn_rate: float  # [rad/s], positive to the left
@@ -114,7 +118,7 @@ class Decision:
 
     @property
     def path(self) -> Float[np.ndarray, "steps 3"]:
-        """Predicted poses (east [m], north [m], heading [rad]), the current one first; made when asked for."""
+        """Predicted poses (east [m], north [m], heading [rad]), the current one first; lazy."""
         return self.predict()
 
     @property
@@ -170,8 +174,8 @@ def _checked_covariance(covariance: np.ndarray) -> Float[np.ndarray, "4 4"]:
     P = _floats(covariance)
     if P is None or P.shape != (4, 4):
         raise ValueError(
-            "covariance of an AUV must be 4 x 4, of east [m], north [m], heading [rad] and speed [m/s], "
-            f"got {_short(covariance)}"
+            "covariance of an AUV must be 4 x 4, of east [m], north [m], heading [rad] and speed "
+            f"[m/s], got {_short(covariance)}"
         )
     if not P.any() or _definite(P) or not np.isfinite(P).all():
         return P
@@ -183,18 +187,22 @@ def _checked_covariance(covariance: np.ndarray) -> Float[np.ndarray, "4 4"]:
     if lopsided.max() > ROUNDING:
         i, j = np.unravel_index(lopsided.argmax(), P.shape)
         raise ValueError(
-            f"covariance of an AUV must be symmetric, got {P[i, j]:g} at [{i}, {j}] and {P[j, i]:g} at [{j}, {i}]"
+            f"covariance of an AUV must be symmetric, got {P[i, j]:g} at [{i}, {j}] and "
+            f"{P[j, i]:g} at [{j}, {i}]"
         )
     if np.linalg.eigvalsh(correlation)[0] < -ROUNDING:
         raise ValueError(
-            "covariance of an AUV must be positive semidefinite, that is, give no direction a negative variance, "
-            f"got {_short(P)}"
+            "covariance of an AUV must be positive semidefinite, that is, give no direction a "
+            f"negative variance, got {_short(P)}"
         )
     return P
 
 
 def _definite(P: Float[np.ndarray, "4 4"]) -> bool:
-    """Whether a matrix is symmetric and positive definite without a doubt: the usual case, told in a fifth of the time."""
+    """Whether a matrix is symmetric and positive definite beyond doubt.
+
+    That is the usual case, and this test the fast one.
+    """
     if not (P == P.T).all():
         return False
     try:

@@ -171,7 +171,7 @@ def content_of(scenario: Scenario) -> str:
 
 
 def key_of(content: str) -> str:
-    """SHA-256 of the content, of the version and the code that fly it, and of the files of users' classes."""
+    """SHA-256 of the content, the version, the code that flies it, and the files of own classes."""
     from obsplan import __version__
 
     own = own_kinds(json.loads(content))

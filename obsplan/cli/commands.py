@@ -213,6 +213,7 @@ def schema(
             say(f"  {'':18} {description}", indent=21)
     say("")
     say(
-        'A kind of survey, vehicle, ranging, estimator or planner may be a class of your own, "mypackage.module:Class", '
-        "whose fields are then the keys; CONTRIBUTING.md says what it needs."
+        "A kind of survey, vehicle, ranging, estimator or planner may be a class of your own, "
+        '"mypackage.module:Class", whose fields are then the keys; CONTRIBUTING.md says what it '
+        "needs."
     )

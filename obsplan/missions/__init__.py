@@ -77,7 +77,8 @@ def read_mission(path: Path | str) -> Mission:
     Raises
     ------
     ObsplanError
-        An unknown suffix, no line to follow, or a file its reader refuses; one sentence with file, place, value and remedy.
+        An unknown suffix, no line to follow, or a file its reader refuses; one sentence with file,
+        place, value and remedy.
     """
     mission = _read(Path(path))
     if not mission.tracks:
@@ -89,8 +90,9 @@ def read_mission(path: Path | str) -> Mission:
 def read_areas(path: Path | str, role: Literal["keep-out", "geofence"]) -> tuple[list[Area], bool]:
     """Read the areas of a mission file that are asked for as keep-outs, or as a geofence.
 
-    Keep-outs are all polygons and circles but those that the file calls a geofence; a geofence is what the file calls so, or else all
-    that it calls nothing. In a file without such areas the lines that end where they start are taken for polygons.
+    Keep-outs are all polygons and circles but those that the file calls a geofence. A geofence is
+    what the file calls so, or else all that it calls neither. In a file without such areas, lines
+    that end where they start are taken for polygons.
 
     Returns
     -------
@@ -113,7 +115,8 @@ def read_areas(path: Path | str, role: Literal["keep-out", "geofence"]) -> tuple
         ]
     if not areas:
         raise ObsplanError(
-            f"{path} holds no polygon, no circle and no closed line for a {role}: draw the area as a polygon"
+            f"{path} holds no polygon, no circle and no closed line for a {role}: draw the area "
+            "as a polygon"
         )
     return areas, mission.geographic
 
@@ -132,7 +135,8 @@ def _read(path: Path) -> Mission:
         near = difflib.get_close_matches(path.suffix.lower(), READERS, n=1)
         hint = f'did you mean "{near[0]}"? ' if near else ""
         raise ObsplanError(
-            f'{path} has the unknown suffix "{path.suffix}": {hint}mission files end in {", ".join(sorted(READERS))}'
+            f'{path} has the unknown suffix "{path.suffix}": '
+            f"{hint}mission files end in {', '.join(sorted(READERS))}"
         )
     try:
         return reader(path)

@@ -1,4 +1,4 @@
-"""The simplest path that an autopilot takes: fewest waypoints on the path flown, near it in place and in time."""
+"""The simplest path that an autopilot takes: fewest waypoints, near the path in place and time."""
 
 import math
 from dataclasses import dataclass, replace
@@ -43,8 +43,9 @@ def simplify(
     helps, to 5 %. Where none helps, because the path keeps within less than a leg, its last part is
     left out.
 
-    A leg that would break a limit which the path keeps is not taken, if the tolerances need not grow
-    by more than another factor of `WORTH` for that. Else legs break limits by their deviation at most.
+    A leg that would break a limit which the path keeps is not taken, if the tolerances need not
+    grow by more than another factor of `WORTH` for that. Else legs break limits by their deviation
+    at most.
 
     Speeds are commanded where the vehicle would otherwise be out of time: chords are shorter than
     arcs. Half of the time's tolerance is for that, half for what happens within a leg.
@@ -52,7 +53,8 @@ def simplify(
     Parameters
     ----------
     flown
-        Samples in local metres with their times [s], so dense that the line through them is the path.
+        Samples in local metres with their times [s], so dense that the line through them is the
+        path.
     end
         What happens at the last waypoint.
     """
@@ -71,7 +73,10 @@ def simplify(
 def _least(
     path: FlownPath, room: Room, end: End, low: float, most: float
 ) -> tuple[float, Simplified | None]:
-    """The least growth of the tolerances from ``low`` on with which there is a mission, and it; None if there is none up to ``most``."""
+    """The least growth of the tolerances from ``low`` on that has a mission, and that mission.
+
+    The mission is None if there is none up to ``most``.
+    """
     mission = _fitted(path, room.times(low), end)
     if mission is not None:
         return low, mission
@@ -125,7 +130,7 @@ def times_of_arrival(
     *,
     start: float = 0.0,
 ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """When [s] a vehicle comes to each waypoint and leaves it, at its legs' speeds and with its holds."""
+    """When [s] a vehicle reaches and leaves each waypoint, at its legs' speeds, with its holds."""
     sailing = np.concatenate([[0.0], np.cumsum(lengths / speed)])
     waiting = np.cumsum(hold)
     return start + sailing + waiting - hold, start + sailing + waiting
@@ -138,7 +143,7 @@ def _speeds(
     timing: float,
     top: float,
 ) -> Float[np.ndarray, " legs"]:
-    """Speed on each leg [m/s], changed only where the vehicle would else be ahead or behind by more than ``timing``.
+    """Speed on each leg [m/s], changed only to keep within ``timing`` of the plan.
 
     From a waypoint on, each waypoint ahead narrows the interval of slownesses [s/m] that bring the
     vehicle there in time. The last slowness before none is left is the one that brings it to the
@@ -167,7 +172,10 @@ def _speeds(
 
 
 def _round_speed(low: float, aim: float, high: float) -> float:
-    """The speed [m/s] nearest to an aimed slowness [s/m], in as few decimals as keep it between two others."""
+    """The speed [m/s] nearest to an aimed slowness [s/m], in as few decimals as two others allow.
+
+    They keep it between the two.
+    """
     slowness = min(max(aim, low), high)
     for decimals in DECIMALS:
         speed = round(1.0 / slowness, decimals)

@@ -15,7 +15,8 @@ from obsplan.types import ObsplanError
 # what a name says of an area, however it is spelt (KEEP_OUT, NoGo, op area); a keep-out first:
 # an "exclusion fence" is one
 _KEEP_OUT = re.compile(
-    r"keep[\s_-]*out|exclusion|(?<![a-z])no[\s_-]*go(?![a-z])|nogo(?=zone|area)|obstacle|wreck|restricted",
+    r"keep[\s_-]*out|exclusion|(?<![a-z])no[\s_-]*go(?![a-z])|nogo(?=zone|area)"
+    r"|obstacle|wreck|restricted",
     re.IGNORECASE,
 )
 _GEOFENCE = re.compile(
@@ -32,7 +33,7 @@ Vertex = tuple[float, float, float]  # a point as the mission has it, and its al
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outline:
-    """A closed shape as a reader finds it: its parts, the holes in them, and the texts that may say what it is for."""
+    """A closed shape as a reader finds it: its parts, their holes, and texts on what it is for."""
 
     name: str = ""
     texts: Sequence[str] = ()  # the surest first
@@ -71,7 +72,7 @@ class Findings:
         hold: list[float] | None = None,
         time: list[float] | None = None,
     ) -> None:
-        """Add a line, with what else the file says of its vertices, as in `Draft`; a speed of 0 says nothing."""
+        """Add a line, with what the file says of its vertices (`Draft`); speed 0 says nothing."""
         self.count += len(vertices)
         check_count(self.count, str(self.path))
         altitude: list[float] | None = [vertex[2] for vertex in vertices]
@@ -92,7 +93,10 @@ class Findings:
         self.drafts.append(draft)
 
     def times(self, name: str | None, texts: Sequence[str | None]) -> list[float] | None:
-        """Read ISO 8601 times as seconds [s], nan where there is none; None, and a remark, if one cannot be read."""
+        """Read ISO 8601 times as seconds [s], nan where there is none.
+
+        None, and a remark, if one cannot be read.
+        """
         times = [seconds_of(text) if text else math.nan for text in texts]
         if any(text and math.isnan(time) for text, time in zip(texts, times, strict=True)):
             self.passed_over("track", "with times that are not ISO 8601: times passed over", name)
@@ -141,15 +145,16 @@ class Findings:
             parts = [part for part in outline.parts if _is_area(part)]
             if limit and len(parts) < max(len(outline.parts), 1):
                 raise ObsplanError(
-                    f'{self.path}: {limit} "{name}" has fewer than three corners: draw it again, or delete it'
+                    f'{self.path}: {limit} "{name}" has fewer than three corners: '
+                    "draw it again, or delete it"
                 )
             if limit == "keep-out":
                 keep_outs += parts
             elif limit == "geofence":
                 if len(parts) > 1:
                     raise ObsplanError(
-                        f'{self.path}: geofence "{name}" has {len(parts)} parts, and a vehicle cannot be in all: '
-                        "draw one polygon"
+                        f'{self.path}: geofence "{name}" has {len(parts)} parts, '
+                        "and a vehicle cannot be in all: draw one polygon"
                     )
                 geofences += parts
                 keep_outs += [hole for hole in outline.holes if _is_area(hole)]
@@ -178,12 +183,16 @@ def check_count(count: int, where: str) -> None:
     """
     if count > MOST_VERTICES:
         raise ObsplanError(
-            f"{where} has {count} vertices, more than {MOST_VERTICES}: export the mission, not the log of one"
+            f"{where} has {count} vertices, more than {MOST_VERTICES}: export the mission, not "
+            "the log of one"
         )
 
 
 def join_at_180(lines: Sequence[Sequence[Vertex]]) -> list[list[Vertex]]:
-    """Join lines that were cut at ±180 degrees of longitude, as RFC 7946 asks for: one ends there where the next begins."""
+    """Join lines that were cut at ±180 degrees of longitude, as RFC 7946 asks for.
+
+    One ends there where the next begins.
+    """
     joined: list[list[Vertex]] = []
     for line in lines:
         if joined and joined[-1] and line and _is_cut(joined[-1][-1], line[0]):

@@ -51,7 +51,7 @@ class Room:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlownPath:
-    """A path as flown: places, none like the one before, with the times of coming there and leaving."""
+    """A path as flown: places, none like the one before, and the times of coming and leaving."""
 
     points: Float[np.ndarray, "n 2"]
     arrive: Float[np.ndarray, " n"]
@@ -86,13 +86,13 @@ class FlownPath:
         return float(np.max(moved / (self.arrive[1:] - self.depart[:-1]), initial=0.0))
 
     def misfit(self, i: np.ndarray, j: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distance [m] of samples k from the legs i to j, and how far off [s] a vehicle on the leg is there."""
+        """Distance [m] of samples k from the legs i to j, and a vehicle's delay [s] on the leg."""
         share, distance = self._beside(i, j, k)
         due = self.depart[i] + share * (self.arrive[j] - self.depart[i])
         return distance, np.maximum(abs(self.arrive[k] - due), abs(self.depart[k] - due))
 
     def _beside(self, i: np.ndarray, j: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where along the legs i to j the samples k are nearest, as a share, and how far from there [m]."""
+        """Where on the legs i to j the samples k are nearest, as a share, and how far [m] off."""
         leg = self.points[j] - self.points[i]
         off = self.points[k] - self.points[i]
         square = np.maximum((leg**2).sum(axis=-1), np.finfo(float).tiny)
@@ -105,7 +105,7 @@ class FlownPath:
         arrive: Float[np.ndarray, " k"],
         depart: Float[np.ndarray, " k"],
     ) -> tuple[float, float]:
-        """Greatest distance [m] and time [s] between the path and a mission on its samples with these times."""
+        """Greatest distance [m] and time [s] of a mission on its samples from the path."""
         k = np.arange(len(self.points))
         legs = len(chosen) - 1
         leg = np.clip(np.searchsorted(chosen, k, side="right") - 1, 0, max(legs - 1, 0))
@@ -125,7 +125,7 @@ class FlownPath:
         return np.array([0, *np.flatnonzero(away)[-1:]])
 
     def waypoints(self, room: Room) -> Integer[np.ndarray, " k"] | None:
-        """The fewest samples whose legs fit, from the first to the last; None where there are none."""
+        """The fewest samples whose legs fit, from the first to the last; None if there are none."""
         possible = self._possible(room)
         if possible is None:
             return None
@@ -133,9 +133,9 @@ class FlownPath:
         return _shortest(possible, i, j, cost)
 
     def _possible(self, room: Room) -> Integer[np.ndarray, " m"] | None:
-        """Samples that may be waypoints, the line through which is the path to a `COARSE` share of the tolerances.
+        """Samples that may be waypoints; None where they are too many for the items.
 
-        None where they are so many that the items cannot be enough.
+        The line through them is the path to a `COARSE` share of the tolerances.
         """
         chosen, reach = [0], 1
         while chosen[-1] < len(self.points) - 1:
@@ -146,7 +146,7 @@ class FlownPath:
         return np.array(chosen)
 
     def _reach(self, i: int, guess: int, room: Room) -> int:
-        """How many samples on a leg from sample i fits, the most as far as doubling and halving can tell."""
+        """How many samples fit on a leg from sample i, at most, by doubling and halving."""
         most = len(self.points) - 1 - i
         low, high = 1, min(guess, most) + 1
         while high <= most and self._fits(i, i + high, room):
@@ -164,11 +164,12 @@ class FlownPath:
     def _legs(
         self, possible: Integer[np.ndarray, " m"], room: Room
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Legs between possible waypoints that fit: where they begin and end among these, and their squared deviations.
+        """Legs that fit: where they begin and end, and their squared deviations.
 
-        A path near a leg is near its parts, to twice the tolerance (Agarwal et al., Algorithmica 42,
-        2005, lemma 3.3): beyond that no farther end is looked at. Of what lies between the ends of
-        long legs only a part is looked at: whether a mission fits is measured in the end.
+        Begin and end are indices of possible waypoints. A path near a leg is near its parts, to
+        twice the tolerance (Agarwal et al., Algorithmica 42, 2005, lemma 3.3): beyond that no
+        farther end is looked at. Of what lies between the ends of long legs only a part is looked
+        at: whether a mission fits is measured in the end.
         """
         room = room.times(1.0 - COARSE)
         found = []
@@ -219,7 +220,7 @@ def _aheads(count: int) -> Iterator[int]:
 def _shortest(
     possible: Integer[np.ndarray, " m"], i: np.ndarray, j: np.ndarray, cost: np.ndarray
 ) -> Integer[np.ndarray, " k"] | None:
-    """The way of fewest legs from the first to the last possible waypoint, of these the one of least cost."""
+    """The way of fewest legs from the first to the last waypoint, of these that of least cost."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import dijkstra
 

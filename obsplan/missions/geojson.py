@@ -25,13 +25,16 @@ _GEOMETRIES = (
     "MultiPolygon",
 )
 _KINDS = ("FeatureCollection", "Feature", *_GEOMETRIES)
-# properties with a value for each leg or vertex: the argument of a draft, and the vertices before the first value
+# properties with a value for each leg or vertex: the argument of a draft, and the vertices before
+# the first value
 _PER_VERTEX = {"speed_mps": ("speed", 1), "hold_s": ("hold", 0), "time_s": ("time", 0)}
 _WGS84 = re.compile(r"(^|:)(CRS84h?|4326|4979|WGS ?84)$", re.IGNORECASE)
 
 
 def read_geojson(path: Path | str) -> Mission:
-    """Read the lines of a GeoJSON file, named by their features' `name`, and the polygons that are named as limits.
+    """Read the lines of a GeoJSON file, named by their features' `name`, and its limits.
+
+    Limits are the polygons that are named so.
 
     A line that was cut at ±180 degrees is one track. Third coordinates are altitudes. Of the
     properties, `speed_mps` (a number, or one for each leg), `hold_s` and `time_s` (one for each
@@ -70,7 +73,7 @@ def _features(node: Any, where: str) -> Iterator[tuple[dict[str, Any], str]]:
 
 
 def _check_object(node: Any, where: str) -> None:
-    """Refuse what is no object, and the projected coordinates that GeoJSON before RFC 7946 could hold."""
+    """Refuse what is no object, and the projected coordinates of GeoJSON before RFC 7946."""
     if not isinstance(node, dict):
         raise ObsplanError(
             f"{where} must be a GeoJSON object, got {type(node).__name__}: export the file again"
@@ -81,7 +84,8 @@ def _check_object(node: Any, where: str) -> None:
         name = str(properties.get("name", properties.get("code")))
         if not _WGS84.search(name):
             raise ObsplanError(
-                f"{where}: crs {reprlib.repr(crs)} is not WGS 84: export it again in WGS 84 (EPSG:4326)"
+                f"{where}: crs {reprlib.repr(crs)} is not WGS 84: export it again in WGS 84 "
+                "(EPSG:4326)"
             )
 
 
@@ -137,7 +141,8 @@ def _items(node: dict[str, Any], key: str, where: str) -> Iterator[tuple[int, An
     """Number the elements of a list that must be there."""
     if not isinstance(node.get(key), list):
         raise ObsplanError(
-            f'{where} needs a list "{key}", got {type(node.get(key)).__name__}: export the file again'
+            f'{where} needs a list "{key}", got {type(node.get(key)).__name__}: '
+            "export the file again"
         )
     return enumerate(node[key])
 
@@ -212,7 +217,10 @@ def _told_of_vertices(
 
 
 def _numbers(given: Any, count: int) -> list[float] | None:
-    """So many numbers of at least 0, null being nan; one number stands for all. None if it is something else."""
+    """So many numbers of at least 0, null being nan; one number stands for all.
+
+    None if it is something else.
+    """
     values = given if isinstance(given, list) else [given] * count
     numbers = [math.nan if value is None else value for value in values]
     fits = all(type(number) in (int, float) and not number < 0 for number in numbers)

@@ -54,7 +54,9 @@ _NOT_AN_ARCHIVE = (
 
 
 def read_kml(path: Path | str) -> Mission:
-    """Read the lines and tracks of a KML file, named by their placemarks, and the polygons that are named as limits.
+    """Read the lines and tracks of a KML file, named by their placemarks, and its limits.
+
+    Limits are the polygons that are named so.
 
     A gx:MultiTrack is one track, its parts joined in order; a MultiGeometry has a track for each
     line. What a polygon is for may stand in its name, its data `kind` or `type`, its description
@@ -70,7 +72,7 @@ def read_kml(path: Path | str) -> Mission:
 
 
 def read_kmz(path: Path | str) -> Mission:
-    """Read the main file of a KMZ archive as `read_kml` does: doc.kml, else the first that ends in .kml.
+    """Read the main file of a KMZ archive as `read_kml` does: doc.kml, else the first KML file.
 
     Raises
     ------
@@ -224,7 +226,8 @@ def _vertex(triple: list[str], where: str) -> Vertex:
     if not 2 <= len(triple) <= 3:
         text = ",".join(triple)[:40]
         raise ObsplanError(
-            f"{where} must be longitude,latitude or longitude,latitude,height, got {text!r}: correct it"
+            f"{where} must be longitude,latitude or longitude,latitude,height, got {text!r}: "
+            "correct it"
         )
     lon, lat, *height = (read_number(text, where) for text in triple)
     return (*check_latlon(lat, lon, where, _ORDER), height[0] if height else math.nan)
@@ -233,7 +236,10 @@ def _vertex(triple: list[str], where: str) -> Vertex:
 def _above_sea(
     vertices: list[Vertex], geometry: "Element", name: str | None, found: Findings
 ) -> list[Vertex]:
-    """Vertices with their heights, if those are heights above the sea or the ground, and not all 0, as where none was drawn."""
+    """Vertices with their heights, if those are heights above the sea or the ground.
+
+    Heights that are all 0 are dropped, too: none was drawn.
+    """
     heights = [vertex[2] for vertex in vertices if not math.isnan(vertex[2])]
     if text_of(geometry, "altitudeMode") in _FROM_SEA_FLOOR:
         if heights:

@@ -14,7 +14,7 @@ _MOST = 1_000_000  # elements; several for each of 200 000 vertices
 
 
 def parse_xml(content: bytes, path: Path) -> "Element":
-    """Parse XML and give its root, tags without their namespaces: many files have a wrong one, or none.
+    """Parse XML and give its root, tags without namespaces: many files have a wrong one, or none.
 
     Raises
     ------
@@ -46,7 +46,8 @@ def parse_xml(content: bytes, path: Path) -> "Element":
             element.tag = element.tag.rpartition("}")[2]
     except DefusedXmlException as error:
         raise ObsplanError(
-            f"{path} has a document type or entities, which are not read for safety: export it again without"
+            f"{path} has a document type or entities, which are not read for safety: export it "
+            "again without"
         ) from error
     except (ParseError, ValueError, LookupError) as error:  # the last two: encodings
         raise ObsplanError(

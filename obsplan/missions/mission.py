@@ -26,9 +26,10 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Track:
-    """A line to follow from vertex to vertex, and what the file says of each; None where it says nothing.
+    """A line to follow from vertex to vertex, and what the file says of each.
 
-    ``points`` are latitude and longitude [degrees, WGS 84], or east and north [m], as the mission says.
+    None is where it says nothing. ``points`` are latitude and longitude [degrees, WGS 84], or east
+    and north [m], as the mission says.
     """
 
     points: Float[np.ndarray, "n 2"]
@@ -40,7 +41,7 @@ class Track:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Area:
-    """A closed area: a polygon by its corners, not repeated, or a circle by its centre and radius [m]."""
+    """A closed area: a polygon by its corners, none repeated, or a circle by centre and radius."""
 
     points: Float[np.ndarray, "n 2"]  # in the mission's coordinates; one for a circle
     radius: float | None = None
@@ -48,9 +49,10 @@ class Area:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Mission:
-    """Named tracks and limits, all latitude and longitude [degrees, WGS 84], or all east and north [m].
+    """Named tracks and limits, all latitude and longitude [degrees, WGS 84], or all local [m].
 
-    ``remarks`` say in one sentence each what the file holds that was passed over, or changed, and why.
+    Local is east and north. ``remarks`` say in one sentence each what the file holds that was
+    passed over, or changed, and why.
     """
 
     tracks: dict[str, Track]
@@ -65,7 +67,8 @@ class Mission:
     def origin(self) -> Point | None:
         """Where to put the origin [degrees]; None if the tracks are local.
 
-        It is the home, unless that is a placeholder farther than `FARTHEST` from every vertex: then the first vertex.
+        It is the home, unless that is a placeholder farther than `FARTHEST` from every vertex:
+        then the first vertex.
         """
         if not self.geographic:
             return None
@@ -77,7 +80,7 @@ class Mission:
 
 
 def to_local(mission: Mission, origin: Point | None = None) -> Mission:
-    """Turn a mission into east and north [m] about an origin [degrees], by default `Mission.origin`.
+    """Turn a mission into east and north [m] about an origin, by default `Mission.origin`.
 
     A mission that is local stays as it is. Areas that are no limit are left out.
 
@@ -99,7 +102,10 @@ def to_local(mission: Mission, origin: Point | None = None) -> Mission:
 
 
 def to_geographic(mission: Mission, origin: Point) -> Mission:
-    """Turn east and north [m] about an origin [degrees] into latitude and longitude; what has them stays as it is."""
+    """Turn east and north [m] about an origin [degrees] into latitude and longitude.
+
+    A mission that has them stays as it is.
+    """
     if mission.geographic:
         return mission
     return _mapped(mission, lambda points: geo.to_geographic(points, origin), geographic=True)
@@ -129,8 +135,9 @@ def _check_near(what: str, points: Float[np.ndarray, "n 2"], origin: Point, defa
     distance = geo.distance(np.array(origin), points).max()
     if not distance <= FARTHEST:
         raise ObsplanError(
-            f"{what} lies {distance / 1e3:.0f} km from the origin at latitude {origin[0]}, longitude {origin[1]} degrees: "
-            f"move the origin to the survey, for example to {default}"
+            f"{what} lies {distance / 1e3:.0f} km from the origin at latitude {origin[0]}, "
+            f"longitude {origin[1]} degrees: move the origin to the survey, for example to "
+            f"{default}"
         )
 
 
@@ -170,7 +177,7 @@ def read_number(text: str, where: str) -> float:
 
 
 def check_latlon(lat: float, lon: float, where: str, order: str) -> Point:
-    """Return a latitude and longitude [degrees] that are on Earth; longitudes from -180 to 360 are wrapped to ±180.
+    """Return a latitude and longitude [degrees] on Earth; longitudes to 360 are wrapped to ±180.
 
     Raises
     ------
@@ -183,7 +190,8 @@ def check_latlon(lat: float, lon: float, where: str, order: str) -> Point:
         )
     if abs(lat) > 90:
         raise ObsplanError(
-            f"{where} has latitude {lat}, beyond 90 degrees: give WGS 84 degrees, not metres of a map projection"
+            f"{where} has latitude {lat}, beyond 90 degrees: give WGS 84 degrees, not metres of a "
+            "map projection"
         )
     if abs(lon) > 360:
         raise ObsplanError(
@@ -203,7 +211,8 @@ def check_local(east: float, north: float, where: str) -> Point:
     if max(abs(east), abs(north)) > FARTHEST:
         remedy = "if these are UTM coordinates, give latitude and longitude instead"
         raise ObsplanError(
-            f"{where} has ({east}, {north}) m, more than {FARTHEST / 1e3:.0f} km from the origin: {remedy}"
+            f"{where} has ({east}, {north}) m, more than {FARTHEST / 1e3:.0f} km from the origin: "
+            f"{remedy}"
         )
     return east, north
 
@@ -225,9 +234,10 @@ class Draft:
 def named_tracks(
     path: Path, drafts: Iterable[Draft], *, geographic: bool
 ) -> tuple[dict[str, Track], tuple[str, ...]]:
-    """Collect tracks under unique names: their own, else the file's, numbered from 2 where one is taken.
+    """Collect tracks under unique names: their own, else the file's, numbered from 2 if taken.
 
-    Places repeated one after the other are one vertex: their holds add up. A track of fewer than two places is passed over.
+    Places repeated one after the other are one vertex: their holds add up. A track of fewer than
+    two places is passed over.
 
     Returns
     -------
@@ -267,7 +277,7 @@ def named_tracks(
 
 
 def count_of(names: Sequence[str], kind: str, *, most: int = 5) -> str:
-    """Count things of a kind and give the first of their names, fit to be printed: `3 points ("a", "b" and 1 more)`."""
+    """Count things of a kind and give the first names: `3 points ("a", "b" and 1 more)`."""
     shown = [
         '"' + "".join(c if c.isprintable() else "?" for c in name[:_LONGEST]) + '"'
         for name in names[:most]
@@ -282,7 +292,7 @@ def count_of(names: Sequence[str], kind: str, *, most: int = 5) -> str:
 
 
 def _joined(draft: Draft, geographic: bool) -> Track | None:
-    """A track of a draft, consecutive vertices at one place joined; None if fewer than two are left."""
+    """A track of a draft, consecutive vertices at one place joined; None of fewer than two."""
     points = np.array(draft.points, dtype=float).reshape(-1, 2)
     if len(points) < 2:
         return None

@@ -1,4 +1,4 @@
-"""MOOS-IvP behaviour files (`.bhv`) and mission files (`.moos`): every list of points is a track, in local metres."""
+"""MOOS-IvP behaviour (`.bhv`) and mission (`.moos`) files: each list of points is a local track."""
 
 import math
 import re
@@ -26,7 +26,7 @@ _LIMITS = {
 
 @dataclass(slots=True)
 class _Block:
-    """A behaviour, an application, or what stands outside of either: its lines `key = value`, numbered."""
+    """A behaviour, an application, or the rest: its lines `key = value`, numbered."""
 
     kind: str = ""
     lines: list[tuple[int, str, str]] = field(default_factory=list)
@@ -37,7 +37,7 @@ class _Block:
 
 
 def read_moos(path: Path | str) -> Mission:
-    """Read the points of behaviours, named by `name`, at their `speed`, and the polygons that are limits.
+    """Read the points of behaviours, named by `name`, at their `speed`, and the limits.
 
     Points are `x,y : x,y`, `pts={x,y:x,y}` or `format=lawnmower, ...`, the values of `points`,
     `point` and a waypoint behaviour's `polygon`, or inside another value
@@ -64,7 +64,7 @@ def read_moos(path: Path | str) -> Mission:
 
 
 def _blocks(text: str, found: Findings) -> Iterator[_Block]:
-    """Split a file into its blocks, comments after // left out; what stands outside of them comes last."""
+    """Split a file into its blocks, without comments after //; what stands outside comes last."""
     outside = block = _Block()
     for number, raw in enumerate(text.splitlines(), start=1):
         line = raw.partition("//")[0].strip()
@@ -109,7 +109,8 @@ def _read_limits(block: _Block, found: Findings) -> int:
         corners = read_points(value, where)
         if corners is None:
             raise ObsplanError(
-                f"{where} has a {limit} in a form that is not read ({pattern_of(value)}): write its corners as pts={{x,y:x,y}}"
+                f"{where} has a {limit} in a form that is not read ({pattern_of(value)}): write "
+                "its corners as pts={x,y:x,y}"
             )
         label = _LABEL.search(value)
         name = label[1].strip() if label else block.value("name") or ""
@@ -141,7 +142,7 @@ def _read_tracks(block: _Block, found: Findings) -> int:
 
 
 def _read_track(number: int, value: str, speed: str | None, block: _Block, found: Findings) -> None:
-    """Add the track that a list of points makes, in the order and as often as the behaviour follows it."""
+    """Add the track of a list of points, in the order and as often as the behaviour follows it."""
     where = f"{found.path}: line {number}"
     label = _LABEL.search(value)
     name = block.value("name") or (label[1].strip() if label else None)

@@ -38,7 +38,9 @@ def pattern_of(text: str) -> str:
 
 
 def read_points(text: str, where: str) -> list[Vertex] | None:
-    """Vertices x, y [m] and z, nan where not said, of a string of points; None if it is a pattern that is not read.
+    """Vertices x, y [m] and z, nan where not said, of a string of points.
+
+    None if it is a pattern that is not read.
 
     Raises
     ------
@@ -56,7 +58,7 @@ def read_points(text: str, where: str) -> list[Vertex] | None:
 
 
 def _read_list(text: str, where: str) -> list[Vertex]:
-    """Vertices (x, y, z or nan) of `x,y : x,y`, with or without `pts={}` around and labels between."""
+    """Vertices (x, y, z or nan) of `x,y : x,y`, with or without `pts={}` and labels."""
     inner = _LIST.search(text)
     listed = inner[1] if inner else _PREFIX.sub("", text, count=1).strip('" ')
     check_count(listed.count(":") + 1, where)
@@ -106,7 +108,8 @@ def _lawnmower(given: dict[str, str], where: str) -> list[Vertex]:
         across, along, turn = along, across, turn + 90.0
     if turn != 0 and turn < 1:
         raise ObsplanError(
-            f"{where}: degs turns the lanes to heading {turn}, and MOOS-IvP takes none below 1 degree: add 360"
+            f"{where}: degs turns the lanes to heading {turn}, and MOOS-IvP takes none below 1 "
+            "degree: add 360"
         )
     if across / spacing > MOST_VERTICES / 2:
         raise ObsplanError(
@@ -121,9 +124,10 @@ def _lawnmower(given: dict[str, str], where: str) -> list[Vertex]:
 def _lanes(
     center: Point, *, across: float, along: float, heading: float, spacing: float
 ) -> list[list[Point]]:
-    """Both ends of parallel lanes: the first half the width to the left of their heading [rad, clockwise from north].
+    """Both ends of parallel lanes, heading clockwise from north [rad].
 
-    The last lies on the right side, or beyond it where the spacing does not divide the width.
+    The first lies half the width to the left. The last lies on the right side, or beyond it where
+    the spacing does not divide the width.
     """
     east, north = math.sin(heading), math.cos(heading)
     lanes: list[list[Point]] = []

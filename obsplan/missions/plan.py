@@ -100,7 +100,8 @@ def _item(path: Path, node: dict[str, Any], place: str) -> Item:
     if command in FLOWN and len(values) < 6 and not isinstance(coordinate, list):
         got = reprlib.repr(params)
         raise ObsplanError(
-            f"{path}: {place}.params must be a list of seven numbers, got {got}: save the plan again"
+            f"{path}: {place}.params must be a list of seven numbers, got {got}: save the plan "
+            "again"
         )
     values += [None] * (_PARAMETERS - len(values))
     if isinstance(coordinate, list) and all(is_blank(v) or v == 0 for v in values[4:6]):

@@ -29,11 +29,13 @@ def read_bytes(path: Path) -> bytes:
         raise ObsplanError(f"{path} does not exist: {_suggest(path)}") from error
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
         raise ObsplanError(
-            f"{path} cannot be read ({getattr(error, 'strerror', None) or error}): check its name and permissions"
+            f"{path} cannot be read ({getattr(error, 'strerror', None) or error}): check its name "
+            "and permissions"
         ) from error
     if len(content) > MOST_BYTES:
         raise ObsplanError(
-            f"{path} is larger than {MOST_BYTES / 1e6:.0f} MB: export the mission alone, without logs"
+            f"{path} is larger than {MOST_BYTES / 1e6:.0f} MB: export the mission alone, without "
+            "logs"
         )
     if not content.strip():
         raise ObsplanError(f"{path} is empty: export the mission again")
@@ -52,7 +54,7 @@ def read_text(path: Path) -> str:
 
 
 def read_loose_text(path: Path) -> tuple[str, list[str]]:
-    """Read text as `read_text` does, else in the Western European encoding of Windows, which a remark then says.
+    """Read text as `read_text` does, else in Windows' Western European encoding, with a remark.
 
     Raises
     ------
@@ -123,6 +125,7 @@ def read_json(path: Path) -> dict[str, Any]:
         ) from error
     if not isinstance(content, dict):
         raise ObsplanError(
-            f"{path} holds a JSON {type(content).__name__} where an object is expected: export it again"
+            f"{path} holds a JSON {type(content).__name__} where an object is expected: export it "
+            "again"
         )
     return content

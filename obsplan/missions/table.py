@@ -21,10 +21,13 @@ _VALUES = ("speed", "hold", "time")  # roles, and arguments of `Findings.line`
 
 
 def read_csv(path: Path | str) -> Mission:
-    """Read points under the headings lat, lon (degrees), or x, y, east, north or easting, northing (metres), or geometries in WKT.
+    """Read points under headings of degrees or metres, or geometries in WKT.
 
-    Commas, semicolons, tabs, bars or blanks separate columns; decimals have a point or a comma;
-    degrees may have minutes, seconds and hemisphere letters, beside them or in columns of their own.
+    Headings of degrees are lat and lon; of metres x and y, east and north, or easting and
+    northing. Commas, semicolons, tabs, bars or blanks separate columns; decimals have a point or a
+    comma. Degrees may have minutes, seconds and hemisphere letters, beside them or in columns of
+    their own.
+
     A column track, line, leg, route or vehicle tells tracks apart, as does one called name, unless
     most rows have a name of their own: a waypoint's. Columns of altitude or depth, of the speed
     towards each point, of holds and of times are read, those in other units converted. A table
@@ -33,13 +36,15 @@ def read_csv(path: Path | str) -> Mission:
     Raises
     ------
     ObsplanError
-        No such headings, a row too short or too long, a value that is no coordinate (names the line), or degrees in columns of metres.
+        No such headings, a row too short or too long, a value that is no coordinate (names the
+        line), or degrees in columns of metres.
     """
     path = Path(path)
     text, remarks = read_loose_text(path)
     if text.count("\n") > 2 * MOST_VERTICES:
         raise ObsplanError(
-            f"{path} has more than {2 * MOST_VERTICES} lines: export the mission, not the log of one"
+            f"{path} has more than {2 * MOST_VERTICES} lines: export the mission, not the log of "
+            "one"
         )
     rows = read_rows(text, path, _is_heading)
     if not rows.rows:
@@ -100,7 +105,8 @@ def _check_metres(table: Table, points: np.ndarray) -> None:
         east, north = (table.columns[role].heading for role in PAIRS[1])
         first = f"({points[0, 0]:g}, {points[0, 1]:g})"
         raise ObsplanError(
-            f"{table.path}: columns {east!r} and {north!r} look like degrees, {first} first, not metres: "
+            f"{table.path}: columns {east!r} and {north!r} look like degrees, {first} first, "
+            "not metres: "
             'head the longitudes "lon" and the latitudes "lat"'
         )
 

@@ -14,7 +14,7 @@ _EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
 
 
 def seconds_of(text: str) -> float:
-    """Give the seconds [s] since 1970 of an ISO 8601 time, in UTC where it names no zone; nan if it is none."""
+    """Give the seconds [s] since 1970 of an ISO 8601 time, in UTC without a zone; nan if none."""
     try:
         time = datetime.datetime.fromisoformat(text.strip())
     except ValueError:
@@ -25,7 +25,7 @@ def seconds_of(text: str) -> float:
 
 
 def follow_times(draft: Draft, *, geographic: bool) -> tuple[Draft, str]:
-    """Count the times of a draft from the first, and give it the leg speeds and holds that follow where it has none.
+    """Count a draft's times from the first, and derive leg speeds and holds where it has none.
 
     The speed on a leg is its length over the time from the end of the hold before it; a place
     repeated later is a hold. Times [s] may run from any start, nan where the file has none.

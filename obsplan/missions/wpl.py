@@ -1,4 +1,4 @@
-"""Waypoint files (`QGC WPL 110`), as Mission Planner, MAVProxy, QGroundControl and we write them."""
+"""Waypoint files (`QGC WPL 110`), as Mission Planner, MAVProxy, QGroundControl and we write."""
 
 import re
 from collections.abc import Iterator
@@ -24,14 +24,15 @@ def read_wpl(path: Path | str) -> Mission:
     """Read the mission or the fence of a waypoint file.
 
     Tabs or blanks separate the columns; blank lines and comments after # or // are passed over.
-    Row 0 is the home, and neither flown to nor the origin (it is where the vehicle was when the file
-    was saved), if the version is 110 and it is a waypoint (command 16)
-    in frame 0, or has command 0, as ground stations write it; else it is an item like the others.
+    Row 0 is the home if the version is 110 and it is a waypoint (command 16) in frame 0, or has
+    command 0, as ground stations write it. The home is neither flown to nor the origin: it is
+    where the vehicle was when the file was saved. Any other row 0 is an item like the others.
 
     Raises
     ------
     ObsplanError
-        Not such a file, a row that is none, or a value that is not what it should be; names the line.
+        Not such a file, a row that is none, or a value that is not what it should be; names the
+        line.
     """
     path = Path(path)
     lines = _lines(read_text(path))
@@ -59,8 +60,9 @@ def _version(path: Path, heading: str) -> str:
     words = heading.upper().split()
     if words[:2] != _HEADING:
         raise ObsplanError(
-            f'{path} does not begin with "QGC WPL 110": it is not a waypoint file of Mission Planner '
-            "or QGroundControl, save the mission again or rename the file to what it is, say .csv"
+            f'{path} does not begin with "QGC WPL 110": it is not a waypoint file of Mission '
+            "Planner or QGroundControl, save the mission again or rename the file to what it is, "
+            "say .csv"
         )
     version = " ".join(words[2:])
     if version not in (_WITH_HOME, _WITHOUT_HOME):
@@ -106,7 +108,7 @@ def _number(cell: str, where: str) -> float:
 
 
 def _in_order(items: list[Item]) -> tuple[list[Item], tuple[str, ...]]:
-    """Number items by their order, as ground stations do, and say so if the file has it otherwise."""
+    """Number items by their order, as ground stations do; say so if the file's order differs."""
     first = items[0].number or 0 if items else 0
     numbers = range(first, first + len(items))
     if [item.number for item in items] == list(numbers):

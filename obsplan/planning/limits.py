@@ -45,7 +45,7 @@ class LimitsAhead:
         turn_rates: Float[np.ndarray, " K"],
         speed: float,
     ) -> Float[np.ndarray, " K"]:
-        """How far [m] each turn breaks a limit before the next decision, or without fail after it."""
+        """How far [m] each turn breaks a limit before the next decision, or later without fail."""
         return first_move_violation(
             self.situation.constraints,
             state,
@@ -59,7 +59,7 @@ class LimitsAhead:
 
 
 def margins(auvs: Sequence[Belief]) -> Float[np.ndarray, " M"]:
-    """The distance [m] kept from each AUV for not knowing where it is; none if that is unknown, too."""
+    """Distance [m] kept from each AUV for not knowing where it is; 0 if that is unknown, too."""
     blocks = np.array([auv.covariance[:2, :2] for auv in auvs]).reshape(-1, 2, 2)
     var_east, covariance, var_north = blocks[:, 0, 0], blocks[:, 0, 1], blocks[:, 1, 1]
     largest = (var_east + var_north) / 2 + np.hypot((var_east - var_north) / 2, covariance)

@@ -62,7 +62,10 @@ def _place(run: Run, k: int) -> str:
 
 
 def planner_notes(run: Run) -> list[str]:
-    """Say which decisions were not the optimum of what was asked, what to do about it, and what planners know of one's own classes."""
+    """Say which decisions were not the optimum of what was asked, and what to do about it.
+
+    Say also what planners know of one's own classes.
+    """
     total = sum(run.status_counts.values())
     odd = [
         status

@@ -1,4 +1,4 @@
-"""What was understood of a mission file and what was passed over, in words; and the scenario that is made of it."""
+"""What was understood of a mission file and what was passed over, in words; and its scenario."""
 
 import tomllib
 from collections.abc import Iterator
@@ -17,12 +17,13 @@ MOST_LINES = 20  # of tracks, and of keep-outs
 
 
 def write_new(mission_file: Path, scenario_file: Path) -> list[str]:
-    """Write a scenario around the survey of a mission file; give the lines that account for the file.
+    """Write a scenario around the survey of a mission file; give the lines that account for it.
 
     Raises
     ------
     ObsplanError
-        A mission file that cannot be read or is no survey, or a scenario file that cannot be written; nothing is written then.
+        A mission file that cannot be read or is no survey, or a scenario file that cannot be
+        written; nothing is written then.
     """
     understood = understand(mission_file)
     text = scenario_text(understood, mission_file, scenario_file)
@@ -36,9 +37,11 @@ def write_new(mission_file: Path, scenario_file: Path) -> list[str]:
 def account(understood: Understood) -> Iterator[str]:
     """Say what was understood, a line for each thing, and then what was passed over."""
     lat, lon = understood.origin
-    yield f"{plain(understood.file)}: origin at latitude {lat}, longitude {lon}, {understood.origin_reason}."
+    file, reason = plain(understood.file), understood.origin_reason
+    yield f"{file}: origin at latitude {lat}, longitude {lon}, {reason}."
     if len(understood.auvs) > 1:
-        yield f"  {len(understood.auvs)} tracks, an AUV for each: remove the [[auv]] tables that are not yours."
+        count = len(understood.auvs)
+        yield f"  {count} tracks, an AUV for each: remove the [[auv]] tables that are not yours."
     yield from _first([_track(understood, auv) for auv in understood.auvs], "tracks")
     limits = understood.constraints
     if limits.geofence is not None:
@@ -47,7 +50,10 @@ def account(understood: Understood) -> Iterator[str]:
     start = understood.start
     yield f"  the aid vehicle starts at ({start.x:.1f}, {start.y:.1f}) m"
     if understood.numbers is TANK:
-        yield "  so small a survey is taken to be in a test tank: check speeds, turning radius and ranging"
+        yield (
+            "  so small a survey is taken to be in a test tank: "
+            "check speeds, turning radius and ranging"
+        )
     if understood.remarks:
         yield "Passed over, or not as in the file:"
         yield from (f"  {remark}" for remark in understood.remarks)

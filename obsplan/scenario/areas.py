@@ -1,4 +1,4 @@
-"""Areas of scenario tables and of mission files, as the discs and polygons that limit the aid vehicle."""
+"""Areas of scenario tables and mission files: the discs and polygons that limit the aid vehicle."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,7 +29,7 @@ def shape_of(area: Area) -> Shape:
 
 
 def shapes_of(table: Any, role: Role, *, folder: Path, origin: LatLon) -> list[Shape]:
-    """What an `AreaTable` stands for: one disc, one polygon, or the areas of its file that may have this role.
+    """What an `AreaTable` stands for: a disc, a polygon, or the areas of its file with this role.
 
     Raises
     ------
@@ -58,7 +58,9 @@ def _read_shapes(path: Path, role: Role, origin: LatLon) -> list[Shape]:
 
 
 def common(fences: Sequence[Shape]) -> Shape:
-    """The area within all fences, as an autopilot keeps them; a disc among several is taken as the polygon within it.
+    """The area within all fences; a disc among several is taken as the polygon within it.
+
+    Autopilots keep the same.
 
     Raises
     ------

@@ -62,7 +62,7 @@ def _default(f: Any) -> Any:
 
 
 def options(cls: type, table: Any) -> dict[str, Any]:
-    """Constructor arguments of a dataclass from its table; ``heading_deg`` becomes ``heading`` [rad]."""
+    """Constructor arguments of a dataclass from its table; ``heading_deg`` gives ``heading``."""
     values = {}
     for f in fields(cls):
         if f.name == "heading":
@@ -116,7 +116,8 @@ class Choice:
         lists = [name for name, hint in hints.items() if list in (hint, get_origin(hint))]
         if lists:
             raise ValueError(
-                f"has a list as field {lists[0]}; write tuple[float, ...] or the like, which cannot change"
+                f"has a list as field {lists[0]}; write tuple[float, ...] or the like, which "
+                "cannot change"
             )
         return table
 

@@ -40,8 +40,11 @@ class Equipment:
             if found and [*vehicle.states.items()] != [*found[0].states.items()]:
                 raise self.error(
                     key,
-                    f"has the states {', '.join(vehicle.states)}, "
-                    f"auv.0.vehicle {', '.join(found[0].states)}; give every AUV a vehicle with the same states",
+                    (
+                        f"has the states {', '.join(vehicle.states)}, auv.0.vehicle "
+                        f"{', '.join(found[0].states)}; give every AUV a vehicle with the same "
+                        "states"
+                    ),
                 )
             found.append(vehicle)
         return tuple(found)
@@ -106,7 +109,10 @@ class Equipment:
         return Heading(sigma=float(np.deg2rad(self.table.ranging.heading_sigma_deg)))
 
     def process_noise(self, *, assumed: bool = False) -> Float[np.ndarray, "auvs 4"]:
-        """Standard deviations per square root of a second of (east, north, heading, speed): the truth's, or those the filter assumes."""
+        """Standard deviations per square root of a second of (east, north, heading, speed).
+
+        They are the truth's, or those that the filter assumes.
+        """
         override = self.table.estimator.process_noise if assumed else None
         noises = [override or auv.process_noise for auv in self.table.auv]
         return np.array(
@@ -116,7 +122,10 @@ class Equipment:
     def first_estimates(
         self, truth: Float[np.ndarray, "auvs 4"], error: Float[np.ndarray, "auvs 4"]
     ) -> tuple[Float[np.ndarray, "auvs 4"], Float[np.ndarray, "auvs 4 4"]]:
-        """The filters' first means and covariances; what is not given is the truth plus a standard normal error times its sigma."""
+        """The filters' first means and covariances.
+
+        What is not given is the truth plus a standard normal error times its sigma.
+        """
         firsts = [auv.first_estimate for auv in self.table.auv]
         heading = [None if f.heading_deg is None else np.deg2rad(f.heading_deg) for f in firsts]
         given = np.array(

@@ -30,12 +30,15 @@ def load(name: str | Path, *, planner: str | None = None, settings: Sequence[str
     Parameters
     ----------
     name
-        Name of a shipped scenario, or path of a TOML file. A name that is shipped always means the shipped scenario: a file of that
-        name is ``"./NAME"``, a folder of that name is never looked at.
+        Name of a shipped scenario, or path of a TOML file. A name that is shipped always means the
+        shipped scenario: a file of that name is ``"./NAME"``, a folder of that name is never looked
+        at.
     planner
-        Replaces the kind of planner and its own options; the time between decisions and the planner's knowledge stay.
+        Replaces the kind of planner and its own options. The time between decisions and the
+        planner's knowledge stay.
     settings
-        ``table.key=value`` each, applied after ``planner``; tables in a list by number: ``auv.0.speed=0.5``.
+        ``table.key=value`` each, applied after ``planner``; tables in a list by number:
+        ``auv.0.speed=0.5``.
 
     Raises
     ------
@@ -51,7 +54,10 @@ def load(name: str | Path, *, planner: str | None = None, settings: Sequence[str
 
 
 def find(name: str | Path) -> Path:
-    """Path of a scenario file by its shipped name, which means nothing else whatever lies in the working directory, or by its path."""
+    """Path of a scenario file by its shipped name, or by its path.
+
+    A shipped name means nothing else, whatever lies in the working directory.
+    """
     if str(name) in shipped() + suite():
         return SHIPPED / f"{name}.toml"
     path = Path(name)
@@ -63,7 +69,7 @@ def find(name: str | Path) -> Path:
 
 
 def meant(path: Path) -> str:
-    """The remedy for a path that is no scenario file: the file beside it, or inside it, that was probably meant."""
+    """The remedy for a path that is no scenario file: the file beside or inside it, if any."""
     candidates = (Path(f"{path}.toml"), path / "scenario.toml")
     there = [str(file) for file in candidates if file.is_file()]
     return f'did you mean "{there[0]}"?' if there else nearest(str(path), shipped())

@@ -75,7 +75,7 @@ def as_error(source: str, error: ValidationError) -> ObsplanError:
 
 
 def locate(loc: tuple[int | str, ...]) -> tuple[type[BaseModel] | None, list[str], Any]:
-    """The table that holds a fault, the fault's key as the user wrote it, and the field's description."""
+    """The table that holds a fault, its key as the user wrote it, and the field's description."""
     table: type[BaseModel] | None = ScenarioTable
     path: list[str] = []
     holder, field, tags = table, None, {}
@@ -104,7 +104,7 @@ def choice_of(field: Any) -> Choice | None:
 
 
 def tables_in(annotation: Any) -> list[type[BaseModel]]:
-    """The tables among the alternatives of a type; a corner in degrees is a value, and none of them."""
+    """The tables among the alternatives of a type; a corner in degrees is a value, not a table."""
     if annotation == InDegrees:
         return []
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):

@@ -1,7 +1,8 @@
-"""Places, wherever a scenario has one: in metres about its origin, or in degrees of latitude and longitude.
+"""Places, wherever a scenario has one: in metres about its origin, or in degrees.
 
-A table with a place is a `Place`, a place in a list a `Corner`, the list `Corners`. Checking turns degrees into metres, so that nothing
-behind the tables knows of them: the origin comes with pydantic's context, as ``{"origin": (lat, lon)}``.
+A table with a place is a `Place`, a place in a list a `Corner`, the list `Corners`. Checking turns
+latitude and longitude into metres, so that nothing behind the tables knows of degrees. The origin
+comes with pydantic's context, as ``{"origin": (lat, lon)}``.
 """
 
 from typing import Annotated, Any
@@ -44,14 +45,17 @@ def to_metres(latlon: Float[np.ndarray, "n 2"], origin: LatLon) -> Float[np.ndar
     if not distance[worst] <= FARTHEST:
         lat, lon = latlon[worst].tolist()
         raise ValueError(
-            f"latitude {lat}, longitude {lon} lies {distance[worst] / 1e3:.0f} km from the origin at latitude {origin[0]}, "
-            f"longitude {origin[1]} degrees, and the map ends at {FARTHEST / 1e3:.0f} km: correct one of them"
+            f"latitude {lat}, longitude {lon} lies {distance[worst] / 1e3:.0f} km from the origin "
+            f"at latitude {origin[0]}, longitude {origin[1]} degrees, and the map ends at "
+            f"{FARTHEST / 1e3:.0f} km: correct one of them"
         )
     return geo.to_local(latlon, origin)
 
 
 def check_metres(points: Float[np.ndarray, "n 2"], origin: LatLon | None, *, remedy: str) -> None:
-    """Refuse numbers [m] that are off the map, or that look like degrees about the origin; the remedy has places for these.
+    """Refuse numbers [m] that are off the map, or that look like degrees about the origin.
+
+    The remedy has places for these numbers.
 
     Raises
     ------
@@ -62,7 +66,8 @@ def check_metres(points: Float[np.ndarray, "n 2"], origin: LatLon | None, *, rem
     if not reach.max(initial=0.0) <= FARTHEST:
         x, y = points[reach.argmax()].tolist()
         raise ValueError(
-            f"({x}, {y}) m is off the map, which ends {FARTHEST / 1e3:.0f} km from the origin: correct it"
+            f"({x}, {y}) m is off the map, which ends {FARTHEST / 1e3:.0f} km from the origin: "
+            "correct it"
         )
     meant = None if origin is None else degrees_among(points, origin)
     if meant is not None:
@@ -74,10 +79,12 @@ def check_metres(points: Float[np.ndarray, "n 2"], origin: LatLon | None, *, rem
 
 
 def degrees_among(points: Float[np.ndarray, "n 2"], origin: LatLon) -> LatLon | None:
-    """The first of the points as latitude and longitude, if all of them look like degrees about the origin, in either order.
+    """The first of the points in degrees, if all look like degrees about the origin.
 
-    Whole numbers do not: 63 m is as likely as 63 degrees. Near (0, 0) nothing can be told from metres; within 10 degrees of it, where
-    numbers are those of metres in a test tank, only what is finer than a centimetre is taken for degrees.
+    Either order of latitude and longitude will do. Whole numbers do not look so: 63 m is as likely
+    as 63 degrees. Near (0, 0) nothing can be told from metres. Within 10 degrees of it, where
+    numbers are those of metres in a test tank, only what is finer than a centimetre is taken for
+    degrees.
     """
     away = max(abs(origin[0]), abs(origin[1]))
     if away <= AMBIGUOUS or not len(points):
@@ -93,7 +100,10 @@ def degrees_among(points: Float[np.ndarray, "n 2"], origin: LatLon) -> LatLon | 
 
 
 class Place(Table):
-    """A table with a place: keys x and y in metres, which its subclass declares, or lat and lon in degrees, turned into those."""
+    """A table with a place: keys x and y in metres, or lat and lon in degrees, turned into those.
+
+    The subclass declares x and y.
+    """
 
     lat: float | None = Field(
         default=None, ge=-90, le=90, description="latitude [deg], WGS84, instead of x and y"
@@ -113,7 +123,8 @@ class Place(Table):
             return self
         if given != ["lat", "lon"]:
             raise ValueError(
-                f"a place is x and y in metres, or lat and lon in degrees, got {' and '.join(given)}: give one pair"
+                "a place is x and y in metres, or lat and lon in degrees, got "
+                f"{' and '.join(given)}: give one pair"
             )
         origin = _needed(_origin(info))
         x, y = to_metres(np.array([[place["lat"], place["lon"]]]), origin)[0].tolist()
@@ -121,7 +132,7 @@ class Place(Table):
 
 
 def _origin(info: Any) -> LatLon | None:
-    """The scenario's origin, of pydantic's ValidationInfo; None where it is wrong, which its own table then says."""
+    """The scenario's origin, of pydantic's ValidationInfo; None if wrong: its own table says so."""
     return (info.context or {}).get("origin")
 
 

@@ -1,4 +1,4 @@
-"""Whether what a mission file holds can be a survey: degrees read as metres, millimetres, a continent, days."""
+"""Whether a mission file can hold a survey: no degrees read as metres, no millimetres, no days."""
 
 import numpy as np
 from jaxtyping import Float
@@ -15,7 +15,10 @@ SHORTEST, LONGEST = 1.0, 48 * 3600.0  # [s] of a mission
 
 
 def known_speeds(track: Track) -> Float[np.ndarray, " legs"] | None:
-    """Speed of each leg [m/s]: a leg without one keeps that before it, the first ones take that after them; None if there is none."""
+    """Speed of each leg [m/s]; None if there is none.
+
+    A leg without one keeps that before it; the first ones take that after them.
+    """
     if track.speed is None:
         return None
     said = np.flatnonzero(~np.isnan(track.speed))
@@ -58,15 +61,15 @@ def check_extent(name: str, mission: Mission) -> None:
     if reach.max() > FARTHEST:
         place = tuple(points[reach.argmax()].tolist())
         raise ObsplanError(
-            f"{name} spans {reach.max() / 1e3:.0f} km, and the map ends at {FARTHEST / 1e3:.0f} km: "
-            f"correct the point {place} if it is astray, or split the file"
+            f"{name} spans {reach.max() / 1e3:.0f} km, and the map ends at {FARTHEST / 1e3:.0f} "
+            f"km: correct the point {place} if it is astray, or split the file"
         )
     speeds = [known_speeds(track) for track in mission.tracks.values()]
     slow = all(s is not None and s.max() < SLOW for s in speeds)
     if extent(mission) < SMALLEST and not slow:
         raise ObsplanError(
-            f"{name} spans {extent(mission) * 1e3:.3g} mm, less than any survey at the speed of an AUV: "
-            "correct its unit, metres or degrees of latitude and longitude"
+            f"{name} spans {extent(mission) * 1e3:.3g} mm, less than any survey at the speed of "
+            "an AUV: correct its unit, metres or degrees of latitude and longitude"
         )
 
 
@@ -80,12 +83,13 @@ def check_duration(name: str, duration: float) -> None:
     """
     if not duration >= SHORTEST:
         raise ObsplanError(
-            f"{name} is a mission of {duration:.2g} s, over before anything can be measured: check its points and speeds"
+            f"{name} is a mission of {duration:.2g} s, over before anything can be measured: "
+            "check its points and speeds"
         )
     if duration > LONGEST:
         raise ObsplanError(
-            f"{name} is a mission of {duration / 3600:.0f} h, and at most {LONGEST / 3600:.0f} h are planned: "
-            "check its points and speeds, or split it"
+            f"{name} is a mission of {duration / 3600:.0f} h, and at most {LONGEST / 3600:.0f} h "
+            "are planned: check its points and speeds, or split it"
         )
 
 
@@ -98,7 +102,7 @@ def extent(mission: Mission) -> float:
 def distance_between(
     mission: Mission, a: Float[np.ndarray, "*#n 2"], b: Float[np.ndarray, "*#n 2"]
 ) -> Float[np.ndarray, "*n"]:
-    """Distance [m] between points of a mission: on the ellipsoid, or in the plane where it is local."""
+    """Distance [m] between points of a mission: on the ellipsoid, or in the plane if local."""
     if mission.geographic:
         return geo.distance(a, b)
     return np.hypot(b[..., 0] - a[..., 0], b[..., 1] - a[..., 1])

@@ -140,12 +140,13 @@ class Scenario(Equipment):
             return _asked(survey, auv.speed, current)
         if survey.leader not in done:
             raise ValueError(
-                f'leader "{survey.leader}" is not an AUV listed before "{auv.name}"; listed are {list(done) or "none"}'
+                f'leader "{survey.leader}" is not an AUV listed before "{auv.name}"; '
+                f"listed are {list(done) or 'none'}"
             )
         return survey.follow(done[survey.leader])
 
     def _mission(self, survey: MissionSurvey, *, paced: bool) -> Waypoints:
-        """The track of a mission file, with its holds, and where it is to set the pace with its speeds."""
+        """The track of a mission file, with its holds and, where it sets the pace, its speeds."""
         tracks = self._missions[survey.file].tracks
         name = survey.track if survey.track is not None else next(iter(tracks))
         if name not in tracks:
@@ -187,7 +188,10 @@ class Scenario(Equipment):
         if steps > MOST_STEPS:
             raise self.error(
                 "time_step",
-                f"{self.table.time_step} s makes {steps} steps of {duration:.0f} s; give at most {MOST_STEPS} steps",
+                (
+                    f"{self.table.time_step} s makes {steps} steps of {duration:.0f} s; give at "
+                    f"most {MOST_STEPS} steps"
+                ),
             )
         return np.arange(steps + 1) * self.table.time_step
 
@@ -214,7 +218,10 @@ class Scenario(Equipment):
         if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6:
             raise self.error(
                 key,
-                f"{interval} s is not a whole multiple of time_step = {self.table.time_step} s; change one of them",
+                (
+                    f"{interval} s is not a whole multiple of time_step = {self.table.time_step} "
+                    "s; change one of them"
+                ),
             )
         return round(ratio)
 
@@ -321,7 +328,10 @@ class Scenario(Equipment):
         return Disc(x=center.x, y=center.y, radius=radius)
 
     def resolved(self) -> dict[str, Any]:
-        """Contents of a file that gives this scenario again: mission files replaced by what they hold, nothing left to a default."""
+        """Contents of a file that gives this scenario again.
+
+        Mission files are replaced by what they hold; nothing is left to a default.
+        """
         data = self.table.model_dump(mode="json", exclude_none=True)
         for auv, reference, table in zip(data["auv"], self.references, self.table.auv, strict=True):
             if isinstance(table.survey, MissionSurvey):
@@ -345,7 +355,10 @@ def _asked(survey: Any, speed: float | None, current: Float[np.ndarray, " 2"]) -
 
 
 def _waypoints(reference: Reference) -> dict[str, Any]:
-    """Table of the survey that has a reference's vertices and holds, and its speeds where they are the survey's own."""
+    """Table of the survey that has a reference's vertices and holds.
+
+    It has speeds where they are the survey's own.
+    """
     survey: dict[str, Any] = {"kind": "waypoints", "points": reference.polyline.tolist()}
     if isinstance(reference.speed, np.ndarray):
         survey["speeds"] = reference.speed.tolist()
@@ -355,7 +368,9 @@ def _waypoints(reference: Reference) -> dict[str, Any]:
 
 
 def from_dict(data: dict[str, Any], *, source: str = "scenario", folder: Path = Path()) -> Scenario:
-    """Check the contents of a scenario file, arrays for lists welcome; relative paths in it start at ``folder``.
+    """Check the contents of a scenario file; relative paths in it start at ``folder``.
+
+    Arrays may stand for lists.
 
     Raises
     ------

@@ -43,7 +43,7 @@ def with_setting(data: dict[str, Any], setting: str) -> dict[str, Any]:
 
 
 def replaced(data: Any, path: list[str], value: Any, setting: str) -> Any:
-    """A copy of nested tables and lists with one place replaced; ``setting`` is what the user wrote."""
+    """A copy of nested tables and lists with one place replaced; ``setting`` is the user's text."""
     if not path:
         return beside(data, value)
     head, rest = path[0], path[1:]
@@ -58,13 +58,17 @@ def replaced(data: Any, path: list[str], value: Any, setting: str) -> Any:
         ]
     if not isinstance(data, dict):
         raise ObsplanError(
-            f"{setting}: {head} is not a key, because the entry above it is a value; see `obsplan schema`"
+            f"{setting}: {head} is not a key, because the entry above it is a value; see `obsplan "
+            "schema`"
         )
     return {**data, head: replaced(data.get(head, {}), rest, value, setting)}
 
 
 def beside(table: Any, value: Any) -> Any:
-    """What takes a table's place; an object keeps those keys of it that every class has, such as the time between ranges."""
+    """What takes a table's place.
+
+    An object keeps those keys of it that every class has, such as the time between ranges.
+    """
     choice = next((choice for choice in CHOICES if choice.fits(value)), None)
     if choice is None or not isinstance(table, dict):
         return value

@@ -1,4 +1,4 @@
-"""Every key a scenario file may have: its type, its limits, its default, and in its description its unit."""
+"""Every key a scenario file may have: its type, limits and default, its unit in the description."""
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -52,7 +52,10 @@ class MissionSurvey(Table):
 
 
 class FirstEstimate(Place):
-    """The filter's first mean and standard deviations; what is left out of the mean is drawn about the truth with its sigma."""
+    """The filter's first mean and standard deviations.
+
+    What is left out of the mean is drawn about the truth with its sigma.
+    """
 
     x: float | None = Field(default=None, description="east [m]")
     y: float | None = Field(default=None, description="north [m]")
@@ -170,11 +173,15 @@ class Auv(Table):
     )
     speed: NonNegative | None = Field(
         default=None,
-        description="speed through the water on every leg [m/s]; default: the speeds of the survey or its file, "
-        "where a leg without one takes that before it, or else after it",
+        description=(
+            "speed through the water on every leg [m/s]; default: the speeds of the survey or its "
+            "file, where a leg without one takes that before it, or else after it"
+        ),
     )
     weight: NonNegative = Field(default=1.0, description="weight in the planner's objective")
-    survey: Survey = Field(description="what it follows over ground")  # pyright: ignore[reportInvalidTypeForm]
+    survey: Survey = Field(  # pyright: ignore[reportInvalidTypeForm]
+        description="what it follows over ground"
+    )
     vehicle: Vehicle = Field(  # pyright: ignore[reportInvalidTypeForm]
         default=VEHICLE.default_table(), description="how it moves"
     )

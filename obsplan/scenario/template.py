@@ -25,7 +25,8 @@ origin = {{ lat = {lat:.8f}, lon = {lon:.8f} }}  # of local east/north [deg]
 [cna]                                         # the aid vehicle
 speed = {cna_speed}                                   # m/s
 min_turn_radius = {min_turn_radius}                        # m
-start = {{ x = {x:.1f}, y = {y:.1f}, heading_deg = {heading:.1f} }}  # m, m, degrees counter-clockwise from east; or lat, lon
+# m, m, degrees counter-clockwise from east; or lat, lon
+start = {{ x = {x:.1f}, y = {y:.1f}, heading_deg = {heading:.1f} }}
 
 """
 
@@ -35,8 +36,10 @@ name = {name}
 {speed}
 survey = {{ kind = "mission", file = {file}, track = {track} }}
 # the filter's first guess, drawn about the truth: m, degrees, m/s
-first_estimate = {{ sigma_position = {sigma_position}, sigma_heading_deg = 2.0, sigma_speed = {sigma_speed} }}
-process_noise = {{ position = {noise_position}, heading_deg = 0.1, speed = {noise_speed} }}  # m, degrees, m/s, each per sqrt(s)
+first_estimate = {{ sigma_position = {sigma_position}, \
+sigma_heading_deg = 2.0, sigma_speed = {sigma_speed} }}
+# m, degrees, m/s, each per sqrt(s)
+process_noise = {{ position = {noise_position}, heading_deg = 0.1, speed = {noise_speed} }}
 
 """
 
@@ -56,7 +59,8 @@ heading_sigma_deg = 1.0                       # degrees
 {planners}
 kind = "default"
 interval = 1.0                                # s between decisions
-knowledge = "estimate"                        # or estimate-and-survey (the turns filed, too), survey, truth
+# or estimate-and-survey (the turns filed, too), survey, truth
+knowledge = "estimate"
 """
 
 NO_LIMITS = """\
@@ -127,7 +131,8 @@ def _opening(understood: Understood, scenario_file: Path) -> str:
     lines = [
         comment(f"Survey {understood.file}, ranged by one aid vehicle."),
         comment(
-            f"Change what is not true of yours, then: obsplan run {shlex.quote(as_argument(scenario_file.name))}"
+            "Change what is not true of yours, then: obsplan run "
+            f"{shlex.quote(as_argument(scenario_file.name))}"
         ),
         comment("Every key that may stand here: obsplan schema"),
         comment(f"Origin: {understood.origin_reason}."),

@@ -1,4 +1,4 @@
-"""What is understood of a mission file: AUVs, limits, a start for the aid vehicle, and what was passed over."""
+"""What is understood of a mission file: AUVs, limits, a start; and what was passed over."""
 
 import re
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ SPARE = 0.1  # of the turning radius, by which a start is within the limits
 
 
 class Numbers(NamedTuple):
-    """What a new scenario says where the mission file says nothing: metres, seconds and their quotients."""
+    """What a new scenario says where the mission file says nothing, in metres and seconds."""
 
     time_step: float
     cna_speed: float
@@ -53,7 +53,7 @@ TANK = Numbers(0.1, 0.5, 0.3, 1.0, 0.3, 0.5, 0.1, 0.01, 0.005, 1.0, 0.1)
 
 @dataclass(frozen=True, kw_only=True)
 class Surveyor:
-    """An AUV on a track: ``speed`` is None where the file has one for each leg; ``pace`` says where it comes from."""
+    """An AUV on a track; ``speed`` is None where each leg has one, ``pace`` says its origin."""
 
     name: str
     track: str
@@ -65,7 +65,7 @@ class Surveyor:
 
 @dataclass(frozen=True, kw_only=True)
 class Understood:
-    """A mission file as a scenario takes it; ``remarks`` say what it does not take, or takes otherwise."""
+    """A mission file as a scenario takes it; ``remarks`` say what it does not take, or changes."""
 
     file: str
     mission: Mission
@@ -84,7 +84,8 @@ def understand(path: Path) -> Understood:
     Raises
     ------
     ObsplanError
-        A file that cannot be read, or that is no survey: degrees read as metres, millimetres, a continent, seconds or days.
+        A file that cannot be read, or that is no survey: degrees read as metres, millimetres, a
+        continent, seconds or days.
     """
     mission = read_mission(path)
     check_metres_are_metres(path.name, mission)
@@ -129,7 +130,10 @@ def _origin(mission: Mission) -> tuple[Point, str]:
     lat, lon = mission.home
     return (
         origin,
-        f"the first waypoint, since the planned home at {lat}, {lon} is over {FARTHEST / 1e3:.0f} km away, a placeholder",
+        (
+            f"the first waypoint, since the planned home at {lat}, {lon} is over "
+            f"{FARTHEST / 1e3:.0f} km away, a placeholder"
+        ),
     )
 
 
@@ -158,7 +162,7 @@ def _surveyors(mission: Mission, numbers: Numbers, remarks: list[str]) -> tuple[
 
 
 def _fit_name(name: str, taken: Sequence[str]) -> str:
-    """A track's name as an AUV's: letters, digits, blanks, dots and hyphens, not too long, and its own."""
+    """A track's name as an AUV's: letters, digits, blanks, dots, hyphens, not long, and its own."""
     base = re.sub(r"[^\w .-]+", "-", name).strip(" .-_")[:LONGEST_NAME].strip(" .-_") or "auv"
     fit, count = base, 1
     while fit in taken:
@@ -178,8 +182,8 @@ def _pace(
     low, high = float(speeds.min()), float(speeds.max())
     if low < SLOWEST or high > FASTEST:
         remarks.append(
-            f'track "{name}" has speeds from {low:.4g} to {high:.4g} m/s, and AUVs go {SLOWEST} to {FASTEST} m/s: '
-            f"{default} m/s is written instead"
+            f'track "{name}" has speeds from {low:.4g} to {high:.4g} m/s, '
+            f"and AUVs go {SLOWEST} to {FASTEST} m/s: {default} m/s is written instead"
         )
         return default, "not as in the file: change it"
     unsaid = int(np.isnan(track.speed).sum())
@@ -212,7 +216,8 @@ def _fence(areas: Sequence[Area], remarks: list[str]) -> Shape | None:
         return None
     if len(fences) > 1:
         remarks.append(
-            f"the {len(fences)} geofences, all of which hold, are written as the one area they have in common"
+            f"the {len(fences)} geofences, all of which hold, are written as the one area they "
+            "have in common"
         )
     try:
         return common(fences)
@@ -222,7 +227,10 @@ def _fence(areas: Sequence[Area], remarks: list[str]) -> Shape | None:
 
 
 def _start(track: Track, limits: Constraints, numbers: Numbers, remarks: list[str]) -> Pose:
-    """A pose near the first waypoint that is within the limits with room to turn: west of it and northwards, if that will do."""
+    """A pose near the first waypoint, within the limits and with space to turn.
+
+    It is west of the waypoint and heads north, if that will do.
+    """
     first = track.points[0]
     rings = numbers.start * np.array(RINGS)
     bearings = np.pi + 2 * np.pi * np.arange(BEARINGS) / BEARINGS
@@ -239,8 +247,8 @@ def _start(track: Track, limits: Constraints, numbers: Numbers, remarks: list[st
     free = np.flatnonzero(outside <= -SPARE * numbers.min_turn_radius)
     if not free.size:
         remarks.append(
-            f"the aid vehicle's start is outside the limits, for none with room to turn was found within {rings.max():.0f} m "
-            "of the first waypoint: move cna.start"
+            "the aid vehicle's start is outside the limits, for none with room to turn was found "
+            f"within {rings.max():.0f} m of the first waypoint: move cna.start"
         )
     x, y, heading = poses[free[0] if free.size else 0].tolist()
     return Pose(x, y, heading)

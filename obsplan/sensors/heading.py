@@ -8,13 +8,13 @@ import casadi as ca
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Heading:
-    """Heading [rad] counter-clockwise from east, with Gaussian error; innovations are wrapped to half a turn."""
+    """Heading [rad] counter-clockwise from east, with Gaussian error; innovations are wrapped."""
 
     periodic: ClassVar[bool] = True
 
     sigma: float  # [rad]
 
-    def measure(self, x: ca.SX, beacon: ca.SX) -> ca.SX:  # noqa: ARG002 - every sensor has the same signature
+    def measure(self, x: ca.SX, beacon: ca.SX) -> ca.SX:  # noqa: ARG002
         """Heading [rad] of state x; the beacon plays no part."""
         return x[2]
 

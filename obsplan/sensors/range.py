@@ -11,9 +11,10 @@ from formulations.model.covariance import deviation
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Range:
-    """Horizontal distance [m] to a beacon of known position, with Gaussian error of constant standard deviation.
+    """Horizontal distance [m] to a beacon of known position, with Gaussian error.
 
-    A slant range is taken to be reduced to the horizontal with the AUV's depth, which it measures well (thesis 2.2).
+    Its standard deviation is constant. A slant range is taken to be reduced to the horizontal with
+    the AUV's depth, which it measures well (thesis 2.2).
     """
 
     periodic: ClassVar[bool] = False
@@ -24,7 +25,8 @@ class Range:
         """Range [m] from state x to the beacon (east, north)."""
         squared = (x[0] - beacon[0]) ** 2 + (x[1] - beacon[1]) ** 2
         apart = squared > 0
-        # the root of a safe argument: at coincidence the derivative is 0 (no direction, no information), not nan
+        # the root of a safe argument: at coincidence the derivative is 0 (no direction, no
+        # information), not nan
         return ca.if_else(apart, ca.sqrt(ca.if_else(apart, squared, 1.0)), 0.0)
 
     def deviation(self, x: ca.SX, beacon: ca.SX) -> ca.SX | float:

@@ -7,7 +7,10 @@ import casadi as ca
 
 @runtime_checkable
 class Sensor(Protocol):
-    """A scalar measurement with Gaussian error; a dataclass whose fields are keys of ``[ranging]``."""
+    """A scalar measurement with Gaussian error.
+
+    It is a dataclass whose fields are keys of ``[ranging]``.
+    """
 
     periodic: ClassVar[bool]  # whether the measurement is an angle [rad]
 

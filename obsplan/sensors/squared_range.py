@@ -11,7 +11,10 @@ from formulations.model.covariance import deviation
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SquaredRange:
-    """Squared horizontal distance [m^2] to a beacon of known position, Gaussian error of constant standard deviation (thesis 4.1)."""
+    """Squared horizontal distance [m^2] to a beacon of known position (thesis 4.1).
+
+    Its error is Gaussian, of constant standard deviation.
+    """
 
     periodic: ClassVar[bool] = False
 

@@ -23,7 +23,13 @@ class FixedPath:
     commands: Float[np.ndarray, "steps 2"]  # turn rate [rad/s] and speed [m/s] over each time step
     time_step: float  # [s]
 
-    def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:  # noqa: ARG002
+    def plan(
+        self,
+        pose: Pose,  # noqa: ARG002
+        auvs: Sequence[Belief],  # noqa: ARG002
+        *,
+        time: float = 0.0,
+    ) -> Decision:
         """Look up the command of a time."""
         step = min(round(time / self.time_step), len(self.commands) - 1)
         turn_rate, speed = self.commands[step].tolist()
@@ -44,7 +50,7 @@ class Autopilot:
     def commands(
         self, track: Track, start: Pose, *, time_step: float, steps: int, late: float = 0.0
     ) -> Float[np.ndarray, "steps 2"]:
-        """Turn rate [rad/s] and speed [m/s] over each time step; at rest before it starts and when it is done.
+        """Turn rate [rad/s] and speed [m/s] over each time step; at rest before and after.
 
         Parameters
         ----------
@@ -119,7 +125,7 @@ class _Voyage:
 
 
 def pursue(pose: Pose, aim: tuple[float, float], speed: float, cna: Unicycle) -> float:
-    """Turn rate [rad/s] of the arc through a point; as fast as the vehicle turns where it lies behind."""
+    """Turn rate [rad/s] of the arc through a point; the greatest where it lies behind."""
     east, north = aim[0] - pose.x, aim[1] - pose.y
     bearing = math.atan2(north, east) - pose.heading
     limit = speed / cna.min_turn_radius

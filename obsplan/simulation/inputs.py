@@ -1,4 +1,4 @@
-"""What a mission is given from outside: its first estimates, its schedules, its survey and its noise."""
+"""What a mission is given from outside: first estimates, schedules, survey and noise."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ from obsplan.types import Pose
 
 
 class Streams(NamedTuple):
-    """Random streams of their own, so that planners are compared under the same noise (thesis 5.3)."""
+    """Random streams of their own, so that planners meet the same noise (thesis 5.3)."""
 
     process: np.random.Generator
     measurement: np.random.Generator
@@ -25,7 +25,7 @@ def streams(seed: int) -> Streams:
 
 
 def mission_inputs(scenario: Scenario, start: Pose, seed: int) -> tuple[Carry, Inputs]:
-    """The state of things at time 0, with the aid vehicle at ``start``, and the inputs of every step."""
+    """The state at time 0, the aid vehicle being at ``start``, and the inputs of every step."""
     process, measurement, _ = streams(seed)
     survey = np.stack(
         [np.column_stack([m.position, m.heading, m.speed]) for m in scenario.motions], axis=1

@@ -1,4 +1,4 @@
-"""Fly missions: one compiled step, folded over time, with the planner inside it or called between steps."""
+"""Fly missions: one compiled step, folded over time, the planner inside or called between steps."""
 
 import math
 from collections.abc import Callable
@@ -53,10 +53,11 @@ def simulate(
     planner
         A planner by name, or any object that has ``plan``; default: the scenario's.
     seed
-        Of all random numbers; default: the scenario's. The same seed gives the same noise to every planner.
+        Of all random numbers; default: the scenario's. The same seed gives the same noise to every
+        planner.
     progress
-        Called with (done, in all) every few hundred steps. Planning before the mission, by a planner that does so, is told as the first
-        half.
+        Called with (done, in all) every few hundred steps. A planner that plans before the mission
+        reports that as the first half.
 
     Raises
     ------
@@ -75,8 +76,9 @@ def simulate(
 class ClosedLoop:
     """One scenario under one planner, compiled once and flown any number of times.
 
-    ``compiled``: run the step as machine code made by the C compiler, where there is one. It is worth the second that takes from some
-    thirty missions on. The results are the same to the last bit.
+    ``compiled``: run the step as machine code made by the C compiler, where there is one. The
+    second that this takes pays from some thirty missions on. The results are the same to the last
+    bit.
     """
 
     scenario: Scenario
@@ -94,12 +96,12 @@ class ClosedLoop:
 
     @property
     def start(self) -> Pose:
-        """Where the aid vehicle starts: the scenario's start, unless the planner begins elsewhere."""
+        """Where the aid vehicle starts: the scenario's start, or where the planner begins."""
         start, planner = self.scenario.start, self.planner
         return planner.initial_pose(start) if isinstance(planner, ChoosesStart) else start
 
     def fly(self, seed: int, *, start: Pose | None = None, progress: Progress | None = None) -> Run:
-        """Fly the mission under the noise of a seed, the aid vehicle from another ``start`` than `start` where one is given."""
+        """Fly the mission under the noise of a seed, from another ``start`` if one is given."""
         began, progress = perf_counter(), progress or (lambda _done, _steps: None)
         start = start or self.start
         first, inputs = mission_inputs(self.scenario, start, seed)
@@ -163,7 +165,7 @@ class ClosedLoop:
         return seconds
 
     def _decision(self, planner: Planner, pose: Pose, auvs: list[Belief], time: float) -> Decision:
-        """What the vehicle makes of the planner's manoeuvre; a planner that does not know the limits is kept within them."""
+        """What the vehicle makes of a manoeuvre, kept within limits the planner does not know."""
         scenario, limits = self.scenario, self.scenario.constraints
         decision = check_decision(planner.plan(pose, auvs, time=time), planner)
         decision = flyable(decision, scenario.cna)
@@ -200,9 +202,10 @@ class ClosedLoop:
 
 
 def prepared(planner: Prepares, start: Pose, progress: Progress) -> Progress:
-    """Let a planner plan before the mission, and tell how far it is as the first half.
+    """Let a planner plan before the mission, and report that as the first half.
 
-    Returned is what tells the mission as the second half, or, if the planner told nothing, as it is.
+    Returns what reports the mission as the second half, or as a whole if the planner reported
+    nothing.
     """
     told = []
 
@@ -223,7 +226,11 @@ def route(reference: Reference, mean: np.ndarray, now: float) -> Callable[[np.nd
 
 
 def flyable(decision: Decision, cna: Unicycle) -> Decision:
-    """What the vehicle makes of a decision: turns within its limit, straight on for what is no number; the status says so."""
+    """What the vehicle makes of a decision; the status says so.
+
+    It turns within its limit, and goes straight on where a command is not finite or its
+    speed negative.
+    """
     if not (np.isfinite([decision.turn_rate, decision.speed]).all() and decision.speed >= 0):
         return replace(decision, turn_rate=0.0, speed=cna.speed, status=Status.INVALID_INPUT)
     limit = decision.speed / cna.min_turn_radius

@@ -1,4 +1,7 @@
-"""One time step of the closed loop as one CasADi Function: the aid vehicle, and each AUV's truth, filter and last report."""
+"""One time step of the closed loop as one CasADi Function.
+
+It moves the aid vehicle, and each AUV's truth, filter and last report.
+"""
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -16,9 +19,10 @@ from obsplan.scenario.states import BASIC, noise
 
 
 class Carry(NamedTuple):
-    """What one step hands to the next: expressions with one column per AUV, or arrays with axes (..., AUV, row).
+    """What one step hands to the next: expressions, or arrays with axes (..., AUV, row).
 
-    Truths have the n states of the vehicles, estimates the m of the filter. Covariances are their lower triangles by columns.
+    Expressions have one column per AUV. Truths have the n states of the vehicles, estimates the m
+    of the filter. Covariances are their lower triangles by columns.
     """
 
     cna: Any  # 3: east, north, heading
@@ -76,13 +80,19 @@ def shape_of(name: str, scenario: Scenario) -> tuple[int, int]:
 
 
 def folded(scenario: Scenario, planner: Planner) -> Expression | None:
-    """The planner's expression, where the step can hold it; None where it has to be called between steps, as always under limits."""
+    """The planner's expression, or None where it has to be called between steps.
+
+    Under limits it is always None.
+    """
     return None if scenario.constraints else expression_of(planner)
 
 
 @dataclass(frozen=True, kw_only=True)
 class StepBuilder:
-    """Composes vehicle, sensors, filter and, where it is an expression, the planner of a scenario into one step."""
+    """Composes a scenario's vehicle, sensors and filter into one step.
+
+    A planner that is an expression is part of it.
+    """
 
     scenario: Scenario
     planner: Planner
@@ -105,7 +115,10 @@ class StepBuilder:
         return ca.Function("step", [*carry, *inputs], outputs, *names)
 
     def _decide(self, carry: Carry, inputs: Inputs) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-        """Command, score, condition numbers and status; the command of a planner that is no expression is given."""
+        """Command, score, condition numbers and status.
+
+        A planner without an expression gives its command between steps, and the others are nan.
+        """
         expression = folded(self.scenario, self.planner)
         if expression is None:
             return inputs.given, ca.SX.nan(1), ca.SX.nan(1, carry.truth.shape[1]), ca.SX.nan(1)
@@ -123,7 +136,10 @@ class StepBuilder:
         return command, due(new.score, np.nan), due(new.condition, np.nan), due(new.status, np.nan)
 
     def _targets(self, known: ca.SX, carry: Carry) -> Targets:
-        """What the planner is told: means by the scenario's knowledge, uncertainty always as the AUVs' filters last reported it."""
+        """What the planner is told: means by the scenario's knowledge, uncertainty as reported.
+
+        The report is the last one of the AUVs' filters.
+        """
         auvs = self.scenario.table.auv
         current = ca.repmat(ca.SX(ca.DM(self.scenario.table.environment.current)), 1, len(auvs))
         weight = ca.SX(ca.DM([auv.weight for auv in auvs]))

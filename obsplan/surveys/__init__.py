@@ -1,6 +1,7 @@
 """Surveys: what an AUV is asked to follow over ground. One file each, and one line in `SURVEYS`.
 
-Each kind has `vertices()` and `reference(speed=, current=)`, except `Formation`, whose motion is `follow(leader)`.
+Each kind has `vertices()` and `reference(speed=, current=)`, except `Formation`, whose motion is
+`follow(leader)`.
 """
 
 from obsplan.surveys.formation import Formation

@@ -21,7 +21,8 @@ def check_polyline(polyline: Float[np.ndarray, "n 2"]) -> None:
     Raises
     ------
     ValueError
-        No vertex, a vertex that is not finite, or two consecutive ones closer than `SHORTEST_LEG`; names their indices, from 0.
+        No vertex, a vertex that is not finite, or two consecutive ones closer than `SHORTEST_LEG`;
+        names their indices, from 0.
     """
     if len(polyline) == 0:
         raise ValueError("the survey is empty: give it at least one point")
@@ -39,7 +40,7 @@ def check_polyline(polyline: Float[np.ndarray, "n 2"]) -> None:
 
 
 def check_speeds(speeds: Sequence[float] | np.ndarray, legs: int) -> None:
-    """Refuse speeds through the water [m/s] that are not one for each leg, from `SLOWEST` to `FASTEST`.
+    """Refuse speeds through the water [m/s] other than one per leg, from `SLOWEST` to `FASTEST`.
 
     Raises
     ------
@@ -51,8 +52,9 @@ def check_speeds(speeds: Sequence[float] | np.ndarray, legs: int) -> None:
     for i, speed in enumerate(speeds):
         if not SLOWEST <= speed <= FASTEST:
             raise ValueError(
-                f"speeds[{i}] must be from {SLOWEST} m/s, less being a station, to {FASTEST} m/s, which no survey AUV "
-                f"exceeds, got {speed}: correct it, or give the AUV a speed, which then holds on every leg"
+                f"speeds[{i}] must be from {SLOWEST} m/s, less being a station, to {FASTEST} m/s, "
+                f"which no survey AUV exceeds, got {speed}: correct it, or give the AUV a speed, "
+                "which then holds on every leg"
             )
 
 
@@ -78,7 +80,8 @@ def check_holds(holds: Sequence[float] | np.ndarray, vertices: int) -> None:
 class Motion:
     """Sampled motion: p[k+1] = p[k] + (t[k+1] - t[k]) (V[k] (cos ψ[k], sin ψ[k]) + c), exactly.
 
-    Heading and speed are those of the interval that begins at the sample; the last sample repeats the last interval.
+    Heading and speed are those of the interval that begins at the sample. The last sample repeats
+    those of the last interval.
     """
 
     time: Float[np.ndarray, " steps"]  # t [s]
@@ -93,18 +96,21 @@ class Motion:
 class Reference:
     r"""Track held over ground in a uniform current, with sharp corners.
 
-    On a leg of direction e, with n normal to it, the vehicle crabs so that its velocity over ground lies along e:
+    On a leg of direction e, with n normal to it, the vehicle crabs so that its velocity over ground
+    lies along e:
 
     .. math:: v_g = e \cdot c + \sqrt{V^2 - (n \cdot c)^2}
 
-    Before time 0, while it holds at a vertex and after `duration`, at the last one, it keeps station (heading into the current, at the
-    current's speed; whether it could is not asked). A single vertex is a station kept throughout.
+    It keeps station before time 0, while it holds at a vertex, and at the last one after
+    `duration`: heading into the current, at the current's speed. Whether it could is not asked. A
+    single vertex is a station kept throughout.
 
     Raises
     ------
     ValueError
-        No speed on a survey that moves, or one that is not positive; speeds or holds out of their bounds, or not one for each leg or
-        vertex; a polyline `check_polyline` refuses; or a current too strong for a leg.
+        No speed on a survey that moves, or one that is not positive. Speeds or holds out of their
+        bounds, or not one for each leg or vertex. A polyline that `check_polyline` refuses. A
+        current too strong for a leg.
     """
 
     polyline: Float[np.ndarray, "n 2"]  # vertices, east and north [m]
@@ -148,10 +154,10 @@ class Reference:
             i = stuck[0]
             heading = math.degrees(math.atan2(*self._legs()[i, ::-1]))
             raise ValueError(
-                f"current {self.current.tolist()} m/s is too strong for leg {i}, heading {heading:.1f} degrees (from east), "
-                f"at {self._speeds[i]} m/s through the water "
-                f"(it sets {abs(across[i]):.3g} m/s across and {along[i]:+.3g} m/s along): "
-                "give a higher speed, a weaker current, or legs along the current"
+                f"current {self.current.tolist()} m/s is too strong for leg {i}, heading "
+                f"{heading:.1f} degrees (from east), at {self._speeds[i]} m/s through the water "
+                f"(it sets {abs(across[i]):.3g} m/s across and {along[i]:+.3g} m/s along): give a "
+                "higher speed, a weaker current, or legs along the current"
             )
 
     def _legs(self) -> Float[np.ndarray, "legs 2"]:
@@ -191,12 +197,12 @@ class Reference:
 
     @property
     def departure(self) -> Float[np.ndarray, " n"]:
-        """Instants at which the vertices are left [s]; where nothing is held, those of `arrival`."""
+        """Instants [s] at which the vertices are left; without holds those of `arrival`."""
         return self._arrival_and_departure[:, 1]
 
     @property
     def duration(self) -> float:
-        """Time from reaching the first vertex to leaving the last [s]; 0 for a station without end."""
+        """Time [s] from reaching the first vertex to leaving the last; 0 for an endless station."""
         return float(self.departure[-1])
 
     @cached_property
@@ -209,7 +215,7 @@ class Reference:
         )
 
     def position(self, time: Float[np.ndarray, "*t"] | float) -> Float[np.ndarray, "*t 2"]:
-        """Position [m] at any instants [s]: the first vertex before 0, the last one after `duration`."""
+        """Position [m] at instants [s]: the first vertex before 0, the last after `duration`."""
         instants, positions = self._knots
         return np.stack(
             [
@@ -220,10 +226,10 @@ class Reference:
         )
 
     def sample(self, time: Float[np.ndarray, " steps"]) -> Motion:
-        """Sample the motion at increasing instants [s], as what a vehicle steering piecewise constant would do.
+        """Sample the motion at increasing instants [s], as a vehicle steered piecewise constant.
 
-        In an interval that holds a corner the vehicle takes the chord: it meets the track again at the next sample.
-        Where it does not move through the water it keeps its last heading.
+        In an interval that holds a corner the vehicle takes the chord: it meets the track again at
+        the next sample. Where it does not move through the water it keeps its last heading.
 
         Raises
         ------

@@ -37,7 +37,10 @@ class Static:
         return np.array([[self.x, self.y]], dtype=float)
 
     def reference(self, *, speed: float | None, current: Float[np.ndarray, " 2"]) -> Reference:
-        """Station kept in a current [m/s]; the speed through the water is the current's, whatever the one given [m/s]."""
+        """Station kept in a current [m/s].
+
+        The speed through the water is the current's, whatever speed is given [m/s].
+        """
         return Reference(
             polyline=self.vertices(),
             speed=speed,

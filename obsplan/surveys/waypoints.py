@@ -17,13 +17,17 @@ class Waypoints:
     Raises
     ------
     ValueError
-        Fewer than two points, one that is not two finite numbers, two identical consecutive points, or speeds or holds out of their bounds.
+        Fewer than two points, one that is not two finite numbers, two identical consecutive
+        points, or speeds or holds out of their bounds.
     """
 
     points: Annotated[Points, "points to pass, in order, each [east, north] [m]"]
     speeds: Annotated[
         tuple[float, ...] | None,
-        "speed through the water on each leg [m/s]; default: the AUV's, which holds on every leg where it is given",
+        (
+            "speed through the water on each leg [m/s]; default: the AUV's, which holds on every "
+            "leg where it is given"
+        ),
     ] = None
     holds: Annotated[
         tuple[float, ...] | None, "time to keep station at each point [s]; default: none"
@@ -34,7 +38,8 @@ class Waypoints:
         if len(self.points) < 2:
             got = "none" if len(self.points) == 0 else f"only {list(self.points)}"
             raise ValueError(
-                f'a survey of waypoints needs at least two points, got {got}: add one, or use kind "static" to stay at a point'
+                f"a survey of waypoints needs at least two points, got {got}: "
+                'add one, or use kind "static" to stay at a point'
             )
         check_polyline(self.vertices())
         if self.speeds is not None:
@@ -47,7 +52,10 @@ class Waypoints:
         return np.array(self.points, dtype=float)
 
     def reference(self, *, speed: float | None, current: Float[np.ndarray, " 2"]) -> Reference:
-        """Motion from point to point in a current [m/s], at a speed through the water [m/s]; None: at `speeds`."""
+        """Motion from point to point in a current [m/s], at a speed through the water [m/s].
+
+        Without a speed it moves at `speeds`.
+        """
         own = None if self.speeds is None else np.array(self.speeds, dtype=float)
         return Reference(
             polyline=self.vertices(),

@@ -9,11 +9,12 @@ from obsplan.vehicles.state import STATES, States
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeadReckoning:
-    """AUV that holds heading and speed through the water over a sample, carried by a uniform current (thesis 5.3).
+    """AUV that holds heading and speed through the water over a sample (thesis 5.3).
 
-    State x = (east [m], north [m], heading [rad], speed through the water [m/s]); control u = (turn [rad], change of speed [m/s]), the
-    increments at the end of the sample, which the vehicle measures. Holding the heading (instead of the arc) lets a sampled vehicle follow
-    a polyline exactly.
+    A uniform current carries it. State x = (east [m], north [m], heading [rad], speed through the
+    water [m/s]); control u = (turn [rad], change of speed [m/s]), the increments at the end of the
+    sample, which the vehicle measures. Holding the heading (instead of the arc) lets a sampled
+    vehicle follow a polyline exactly.
     """
 
     current: tuple[float, float] = (0.0, 0.0)  # east, north [m/s]

@@ -43,7 +43,7 @@ class Vehicle(Protocol):
         ...
 
     def step(self, x: ca.SX, u: ca.SX, dt: float) -> ca.SX:
-        """State after dt seconds; u = (turn [rad], change of speed [m/s]) at the end of the sample."""
+        """State after dt seconds; u = (turn [rad], change of speed [m/s]) at the sample's end."""
         ...
 
 

@@ -11,7 +11,8 @@ from formulations.model.arcs import arc
 class Unicycle:
     """Planar vehicle at constant speed, steered by its turn rate; exact arcs (thesis 3.1, 4.1).
 
-    State x = (east [m], north [m], heading [rad], counter-clockwise from east); control u = (turn rate [rad/s], speed [m/s]).
+    State x = (east [m], north [m], heading [rad], counter-clockwise from east); control
+    u = (turn rate [rad/s], speed [m/s]).
     """
 
     speed: float  # [m/s]

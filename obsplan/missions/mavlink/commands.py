@@ -1,4 +1,4 @@
-"""Commands of mission items (`MAV_CMD` of MAVLink's common message set), and which of them are flown to."""
+"""Commands of mission items (`MAV_CMD`, MAVLink's common set), and which of them are flown to."""
 
 from enum import IntEnum
 

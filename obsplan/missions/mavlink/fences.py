@@ -84,7 +84,7 @@ def find_fences(items: Sequence[Item]) -> Fences:
 
 
 def _ring(items: Sequence[Item], start: int) -> Sequence[Item]:
-    """Corners of the polygon that starts here: as many as the first says, all that follow if none."""
+    """Corners of the polygon that starts here: as many as the first says, all if it says none."""
     first = items[start]
     count = int(first.value(1, "number of corners", 0.0, _MOST_CORNERS))
     end = start + count if count else len(items)

@@ -112,7 +112,7 @@ class Flight:
         self._hold.append(0.0)
 
     def _circle(self, item: Item, centre: Point) -> None:
-        """Fly loiter turns: from the nearest point of the circle, clockwise if the radius is positive."""
+        """Fly loiter turns from the circle's nearest point, clockwise if the radius is positive."""
         turns = item.value(1, "number of turns", 0.0, MOST_TURNS)
         radius = item.value(3, "radius", -LARGEST_RADIUS, LARGEST_RADIUS)
         altitude = self._altitude_of(item)
@@ -164,7 +164,7 @@ def _chords(radius: float) -> int:
 def _ring(
     centre: Point, radius: float, turns: float, chords: int, before: Sequence[Point]
 ) -> list[Point]:
-    """Vertices about a centre; the first is nearest to the point before, or north if there is none."""
+    """Vertices about a centre; the first is nearest to the point before, or north without one."""
     entry = math.pi / 2
     if before:
         east, north = geo.to_local(np.array(before[-1]), centre)

@@ -97,8 +97,8 @@ class Item:
         if self.frame not in tuple(_GLOBAL_FRAMES):  # a tuple: the frame may be anything
             known = ", ".join(map(str, _GLOBAL_FRAMES))
             raise ObsplanError(
-                f"{self.where}, frame, must be global (one of {known}), got {reprlib.repr(self.frame)}: "
-                "give the waypoint in latitude and longitude"
+                f"{self.where}, frame, must be global (one of {known}), got "
+                f"{reprlib.repr(self.frame)}: give the waypoint in latitude and longitude"
             )
         return check_latlon(lat, lon, self.where, "latitude comes first")
 

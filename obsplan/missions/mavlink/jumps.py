@@ -1,4 +1,4 @@
-"""Jumps (`DO_JUMP`, `DO_JUMP_TAG`) written out: items in the order in which a vehicle comes to them."""
+"""Jumps (`DO_JUMP`, `DO_JUMP_TAG`) written out: items in the order in which they are reached."""
 
 from collections import Counter
 from collections.abc import Sequence

@@ -1,11 +1,12 @@
-"""Latitudes and longitudes as people write them: degrees, minutes and seconds, and hemisphere letters."""
+"""Latitudes and longitudes as people write them: degrees, minutes, seconds, hemisphere letters."""
 
 import re
 
 from obsplan.missions.mission import check_number
 from obsplan.types import ObsplanError
 
-# 63°26'24"N, 63 26.4 N, N63-26.4, 63:26:24, -63.44°; minutes and seconds need a mark before them, so 6326.4 is none
+# 63°26'24"N, 63 26.4 N, N63-26.4, 63:26:24, -63.44°; minutes and seconds need a mark before them,
+# so 6326.4 is none
 _ANGLE = re.compile(
     r"""(?P<before>[NSEW])?\s*(?P<sign>[+-])?\s*(?P<degrees>\d{1,3}(?:\.\d*)?)\s*
     (?:[°:\s-]\s*(?P<minutes>\d{1,2}(?:\.\d*)?)\s*
@@ -23,7 +24,7 @@ _MARKS = str.maketrans({"º": "°", "˚": "°", "′": "'", "’": "'", "´": "'
 
 
 def is_plain(text: str) -> bool:
-    """Whether a text is a number, or nothing like an angle either, so that it is read as a number."""
+    """Whether a text is a number, or no angle either, so that it is read as a number."""
     return _PLAIN.fullmatch(text) is not None or _match(text) is None
 
 
@@ -38,12 +39,14 @@ def read_angle(text: str, where: str) -> tuple[float, str]:
     Raises
     ------
     ObsplanError
-        Not an angle, minutes or seconds of 60 or more, or both a sign and a letter; names the place.
+        Not an angle, minutes or seconds of 60 or more, or both a sign and a letter; names the
+        place.
     """
     parts = _match(text)
     if parts is None:
         raise ObsplanError(
-            f"{where} must be a number or degrees and minutes, got {text.strip()[:40]!r}: correct it"
+            f"{where} must be a number or degrees and minutes, got {text.strip()[:40]!r}: correct "
+            "it"
         )
     letters = "".join(part for part in (parts["before"], parts["after"]) if part).upper()
     degrees = float(parts["degrees"])

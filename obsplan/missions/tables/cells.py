@@ -60,7 +60,8 @@ class Table:
         width = len(self.heading) or least
         if len(cells) < least:
             raise ObsplanError(
-                f"{where} has too few columns, {len(cells)} of the heading's {width}: complete the line"
+                f"{where} has too few columns, {len(cells)} of the heading's {width}: complete "
+                "the line"
             )
         if self.heading and any(cells[width:]):
             raise ObsplanError(
@@ -88,7 +89,7 @@ class Table:
         return number * self.columns[role].factor
 
     def _degrees(self, row: Row, role: str, hemisphere: str) -> float:
-        """Angle [degrees] in a cell, and in the columns of minutes, seconds and hemisphere beside it."""
+        """Angle [degrees] in a cell and the columns of minutes, seconds and hemisphere beside."""
         text, where = _pointed(self.cell(row, role)), self.place(row, role)
         if is_plain(text):
             angle, letter = read_number(text, where), ""
@@ -118,13 +119,14 @@ class Table:
                 value = read_number(_pointed(self.cell(row, part)), self.place(row, part))
                 if not 0 <= value < 60 or not angle.is_integer():
                     raise ObsplanError(
-                        f"{self.place(row, part)} must be 0 to 60 beside whole degrees, got {value} beside {angle}: correct it"
+                        f"{self.place(row, part)} must be 0 to 60 beside whole degrees, got "
+                        f"{value} beside {angle}: correct it"
                     )
                 degrees += value / per_degree
         return degrees
 
     def numbers(self, rows: Sequence[Row], role: str) -> list[float] | None:
-        """Numbers in a column, in our unit, nan where a cell is empty; None if a cell is something else."""
+        """Numbers in a column, in our unit, nan for an empty cell; None if one is anything else."""
         factor = self.columns[role].factor
         try:
             texts = [_pointed(self.cell(row, role)) for row in rows]

@@ -83,7 +83,8 @@ def find_columns(headings: Sequence[str], where: str) -> dict[str, Column]:
         else:
             if name in (*_ROLES["lat"][0], *_ROLES["lon"][0], "easting", "northing"):
                 raise ObsplanError(
-                    f"{where} has {heading.strip()[:40]!r} in a unit that is not read: give degrees or metres"
+                    f"{where} has {heading.strip()[:40]!r} in a unit that is not read: give "
+                    "degrees or metres"
                 )
     return found
 

@@ -18,7 +18,10 @@ _ADD = 'add a heading, such as "lat,lon" or "x,y"'
 
 
 def looks_like_degrees(points: Float[np.ndarray, "n 2"]) -> bool:
-    """Whether points fit on Earth as degrees, and make no sense as metres: of no width, or far off and small or finer than 1 mm."""
+    """Whether points fit on Earth as degrees, and make no sense as metres.
+
+    They make none if they hardly spread, or are far off and either small or finer than 1 mm.
+    """
     sizes = np.abs(points).max(axis=0)
     if sizes.min() > 90 or sizes.max() > 360:
         return False
@@ -56,7 +59,8 @@ def guess_columns(table: Rows, found: Findings) -> dict[str, Column]:
         )
     unit = "degrees" if "lat" in roles else "m"
     found.remarks.append(
-        f"no heading: columns {first + 1} and {second + 1} are read as {roles[0]} and {roles[1]} [{unit}]"
+        f"no heading: columns {first + 1} and {second + 1} are read as {roles[0]} and {roles[1]} "
+        f"[{unit}]"
     )
     guessed = {
         role: Column(i, f"column {i + 1}") for role, i in zip(roles, (first, second), strict=True)

@@ -34,9 +34,10 @@ def is_number(cell: str) -> bool:
 
 
 def read_rows(text: str, path: Path, is_heading: Callable[[Sequence[str], str], bool]) -> Rows:
-    """Split a table by the first delimiter that makes a heading of its first lines, or numbers of its first line.
+    """Split a table by the first delimiter that gives it a heading, or numbers in its first line.
 
-    Lines that start with #, // or % are comments; the last one before the first row may be the heading.
+    The heading is in its first lines. Lines that start with #, // or % are comments; the last one
+    before the first row may be the heading.
 
     Parameters
     ----------
@@ -78,7 +79,8 @@ def _delimiter_of_numbers(data: Sequence[Line], path: Path) -> str:
             if numbers >= 2 and (numbers == len(cells) or not everything):
                 return delimiter
     raise ObsplanError(
-        f'{path}: line {number} must name the columns "lat,lon" or "x,y", got {line.strip()[:80]!r}: add such a heading'
+        f'{path}: line {number} must name the columns "lat,lon" or "x,y", '
+        f"got {line.strip()[:80]!r}: add such a heading"
     )
 
 

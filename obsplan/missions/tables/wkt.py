@@ -1,4 +1,4 @@
-"""Well-known text (WKT) of geometries in a table: lines are tracks, points one after the other are one, polygons areas."""
+"""Well-known text (WKT) in a table: lines and successive points are tracks, polygons areas."""
 
 import math
 import re

@@ -13,7 +13,8 @@ def check_geographic(mission: Mission, what: str) -> None:
     """
     if not mission.geographic:
         raise ValueError(
-            f"{what} has latitudes and longitudes, got local tracks: convert them about the origin first"
+            f"{what} has latitudes and longitudes, got local tracks: convert them about the "
+            "origin first"
         )
 
 

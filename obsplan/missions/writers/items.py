@@ -25,11 +25,11 @@ class Item(NamedTuple):
 
 
 def mission_items(track: Track, *, end: End = "loiter") -> list[Item]:
-    """List the items of a geographic track: waypoints with their holds, and speeds where they change.
+    """List the items of a geographic track: waypoints with holds, and speeds where they change.
 
     A speed stands before the waypoint to which it is sailed, the first one before all waypoints.
-    ``loiter`` makes of the last waypoint one that is never left, ``return`` sails home after it, and
-    after ``stop`` the autopilot does what it is set to do when a mission is done.
+    ``loiter`` makes of the last waypoint one that is never left, ``return`` sails home after it,
+    and after ``stop`` the autopilot does what it is set to do when a mission is done.
     """
     items: list[Item] = []
     last = len(track.points) - 1

@@ -35,7 +35,7 @@ SLIP = 2.0  # capture radii; a waypoint passed so near counts as reached
 def write_moos(
     path: Path | str, mission: Mission, *, origin: Point | None = None, capture: float = 2.0
 ) -> None:
-    """Write the one track of a mission as a waypoint behaviour, and a convex geofence as an operation region.
+    """Write a mission's one track as a waypoint behaviour, a convex geofence as a region.
 
     A behaviour has one speed: that which comes to the end in time. How far a vehicle at that speed
     is ahead or behind on the way stands in a comment, and so does every limit that MOOS has no
@@ -89,7 +89,10 @@ def _about(origin: Point | None) -> str:
 
 
 def _one_speed(track: Track) -> tuple[float, float]:
-    """The speed [m/s] that is at the end in time, and how far off [s] it is on the way; 0 and 0 where nothing is known."""
+    """The speed [m/s] that is at the end in time, and how far off [s] it is on the way.
+
+    Both are 0 where nothing is known.
+    """
     lengths = np.hypot(*np.diff(track.points, axis=0).T)
     if track.time is None or not lengths.size:
         known = [] if track.speed is None else track.speed[np.isfinite(track.speed)]

@@ -19,10 +19,12 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r")  # what a cell begins with that a spr
 
 
 def write_csv(path: Path | str, mission: Mission, *, origin: Point | None = None) -> None:
-    """Write geographic tracks as a table; ``x_m`` and ``y_m`` are east and north of the origin [degrees], by default `Mission.origin`.
+    """Write geographic tracks as a table.
 
+    ``x_m`` and ``y_m`` are east and north of the origin [degrees], by default `Mission.origin`.
     ``speed_mps`` is that of the leg that leads to the row's place, in the first row that of the
-    first leg. A hold is a row repeated. What is not known is left empty. The format holds no limits.
+    first leg. A hold is a row repeated. What is not known is left empty. The format holds no
+    limits.
 
     Raises
     ------

@@ -11,7 +11,7 @@ EPOCH = datetime(1970, 1, 1, tzinfo=UTC)  # for a mission whose start is not kno
 
 
 def stamps(track: Track) -> tuple[Float[np.ndarray, "m 2"], list[float] | None]:
-    """Places of a track and their times [s], a place where the vehicle holds twice; None without times."""
+    """Places of a track and their times [s]; a hold's place comes twice. None without times."""
     if track.time is None:
         return track.points, None
     if track.hold is None:
@@ -31,5 +31,6 @@ def instant(start: datetime, seconds: float) -> str:
 def explain(start: datetime) -> str:
     """What the times of a file count from, in words."""
     if start == EPOCH:
-        return f"Times count from {instant(EPOCH, 0.0)[:-5]}Z, which stands for the start of the mission."
+        zero = instant(EPOCH, 0.0)[:-5]
+        return f"Times count from {zero}Z, which stands for the start of the mission."
     return f"The mission starts at {instant(start, 0.0)[:-5]}Z."

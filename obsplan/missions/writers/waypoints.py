@@ -1,4 +1,4 @@
-"""Waypoint files for autopilots (`QGC WPL 110`), as Mission Planner, QGroundControl and MAVProxy load them."""
+"""Waypoint files (`QGC WPL 110`) for Mission Planner, QGroundControl, MAVProxy and autopilots."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from obsplan.missions.writers.items import GLOBAL, End, Item, mission_items
 
 
 def write_waypoints(path: Path | str, mission: Mission, *, end: End = "loiter") -> None:
-    """Write the one track of a geographic mission, its speeds, its holds, and what happens at its end.
+    """Write a geographic mission's one track, its speeds, its holds, and what it ends with.
 
     Line 0 is home, by default at the first waypoint. The format holds no limits.
 
@@ -30,6 +30,6 @@ def write_waypoints(path: Path | str, mission: Mission, *, end: End = "loiter") 
 
 
 def _line(index: int, item: Item) -> str:
-    """Index, current, frame, command, four parameters, latitude, longitude, altitude, autocontinue."""
+    """Index, current, frame, command, 4 parameters, latitude, longitude, altitude, autocontinue."""
     numbers = (*(f"{value:.6g}" for value in item.params), f"{item.lat:.9f}", f"{item.lon:.9f}")
     return "\t".join((f"{index}\t{index == 0:d}\t{item.frame}\t{item.command:d}", *numbers, "0\t1"))
