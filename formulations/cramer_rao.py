@@ -6,15 +6,16 @@ there (zero matrices where nothing is). Covariances have steps + 1 samples.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 
 import casadi as ca
 import numpy as np
 from jaxtyping import Float, Int
 
 from .metrics import EPS
-from .model.casadi import evaluate, symbol
+from .model.casadi import of_each, symbol
 from .model.covariance import deviation, propagate, symmetric
+from .model.recursion import Recursion
 
 RELATIVE_GAP = 0.005  # of the mean square: the bound's RMS is within 0.25 % of the best
 MAX_ITERATIONS = 300
@@ -94,10 +95,9 @@ def posterior_cramer_rao(
     if steps == 0:
         return P
     F, Q, J = (np.broadcast_to(a, (*batch, steps, n, n)) for a in (F, Q, J))
-    sweep = _riccati_sweep(n, steps)
+    sweep = _riccati_sweep(n)
     for i in np.ndindex(*batch):
-        given = [np.ascontiguousarray(a[i], dtype=float) for a in (P[..., 0, :, :], F, Q, J)]
-        evaluate(sweep, given, [P[i][1:]])
+        sweep(P[i], F[i], Q[i], J[i])
     return P
 
 
@@ -253,19 +253,14 @@ class _Allocation:
                   A_k = (I - P_{k+1} J_k) F_k, \quad
                   \partial / \partial J_k = -P_{k+1} \Lambda_{k+1} P_{k+1}
 
-        E selects the position. It is a covariance prediction run backwards, and the same sweep does
-        it.
+        E selects the position.
         """
         n = len(self.P0)
-        A = (np.eye(n) - P[1:] @ J) @ self.F
-        wE = self.weights[:, None, None] * np.diag(np.arange(n) < 2)
-        last, others = wE[-1], wE[:-1]
-        back = A[::-1].swapaxes(1, 2)
-        swept = posterior_cramer_rao(last, back, others[::-1], np.zeros_like(A))
-        adjoint = swept[::-1][self.pings + 1]
-        after = P[self.pings + 1]
-        by_information = -(after @ adjoint @ after)[:, :2, :2]
-        return self.precision[:, None, None] * by_information
+        backwards = np.empty_like(P)
+        backwards[0] = self.weights[-1] * np.diag(np.arange(n) < 2)
+        _adjoint_sweep(n)(backwards, P[:0:-1], J[::-1], self.F[::-1], self.weights[-2::-1])
+        adjoint = backwards[::-1][self.pings + 1]
+        return of_each(_by_information(n), P[self.pings + 1], adjoint, self.precision)[0]
 
 
 def _frank_wolfe(
@@ -308,14 +303,20 @@ def _frank_wolfe(
 def _steepest_vertex(gradient: np.ndarray) -> np.ndarray:
     """Minimise the linear model: u uᵀ per ping.
 
-    u is the eigenvector of the gradient's least eigenvalue.
+    u is the eigenvector of the gradient's least eigenvalue; without one all do equally, and I/2
+    stands for them.
     """
-    u = np.linalg.eigh(gradient)[1][:, :, 0]
-    return _outer(u)
+    half = (gradient[:, 0, 0] - gradient[:, 1, 1]) / 2
+    across = (gradient[:, 0, 1] + gradient[:, 1, 0]) / 2
+    size = np.hypot(half, across)
+    split = np.where(size > 0, size, 1.0)
+    cos, sin = half / split, across / split  # of twice the angle of the other eigenvector
+    return np.stack([1 - cos, -sin, -sin, 1 + cos], axis=-1).reshape(-1, 2, 2) / 2
 
 
 def _mean_square(P: np.ndarray, weights: np.ndarray) -> float:
-    return float(weights @ (P[:, 0, 0] + P[:, 1, 1]))
+    # not by a scalar product: BLAS sums differently on each processor
+    return float(np.sum(weights * (P[:, 0, 0] + P[:, 1, 1])))
 
 
 def _normalized(weights: np.ndarray, samples: int) -> np.ndarray:
@@ -344,15 +345,38 @@ def _check_pings(pings: np.ndarray, steps: int) -> None:
         )
 
 
-@lru_cache(maxsize=64)
-def _riccati_sweep(n: int, steps: int) -> ca.Function:
-    """Compile (P0, F, Q, J) -> P over all steps.
+@cache
+def _riccati_sweep(n: int) -> Recursion:
+    """Make (P, F, Q, J) -> P of the next sample.
 
-    Matrices side by side, F transposed: the memory of row-major arrays.
+    F is given transposed, the memory of row-major arrays.
     """
     P, Ft, Q, J = (symbol(name, n, n) for name in ("P", "Ft", "Q", "J"))
-    step = ca.Function("step", [P, Ft, Q, J], [_update(propagate(P, Ft.T, Q), J)])
-    return step.mapaccum(steps)
+    after = _update(propagate(P, Ft.T, Q), J)
+    return Recursion(ca.Function("riccati", [P, Ft, Q, J], [after]))
+
+
+@cache
+def _adjoint_sweep(n: int) -> Recursion:
+    """Make (Λ, P and J after the step, F, w before it) -> Λ of the sample before."""
+    L, P, J, Ft = (symbol(name, n, n) for name in ("L", "P", "J", "Ft"))
+    w = symbol("w")
+    At = Ft @ (ca.SX.eye(n) - J @ P)
+    before = propagate(L, At, w * _position(n))
+    return Recursion(ca.Function("adjoint", [L, P, J, Ft, w], [before]))
+
+
+@cache
+def _by_information(n: int) -> ca.Function:
+    """Make (P, Λ, 1/σ²) -> derivative with respect to the direction of a ping."""
+    P, L, precision = symbol("P", n, n), symbol("L", n, n), symbol("r")
+    slope = -precision * (P[:2, :] @ L @ P[:, :2])
+    return ca.Function("by_information", [P, L, precision], [slope])
+
+
+def _position(n: int) -> ca.DM:
+    """What selects the position, states one and two."""
+    return ca.diag(ca.DM([1.0, 1.0, *[0.0] * (n - 2)]))
 
 
 def _update(P: ca.SX, J: ca.SX) -> ca.SX:
