@@ -1,12 +1,11 @@
 """One Function applied step after step over arrays: covariances along a mission, say."""
 
 import ctypes
-from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
-from .casadi import cases_driver, evaluate
+from .casadi import cases_driver, evaluate, in_sequence
 
 
 class Recursion:
@@ -35,7 +34,7 @@ class Recursion:
             return
         if self._run is None:
             given = [np.ascontiguousarray(a, dtype=float) for a in (x[0], *inputs)]
-            evaluate(_accumulated(self.function, steps), given, [x[1:]])
+            evaluate(in_sequence(self.function, steps, 1), given, [x[1:]])
             return
         inputs = tuple(_each_side_by_side(a) for a in inputs)
         strides = [a.strides[0] // a.itemsize for a in (x, *inputs, x)]
@@ -67,12 +66,6 @@ class Recursion:
                     f"input {i} must be {function.nnz_in(i)} numbers for each of {steps} steps, "
                     f"got an array of {a.shape}"
                 )
-
-
-@lru_cache(maxsize=64)
-def _accumulated(function: ca.Function, steps: int) -> ca.Function:
-    """The recursion for the virtual machine: building it takes longer than calling it."""
-    return function.mapaccum(steps)
 
 
 def _each_side_by_side(array: np.ndarray) -> np.ndarray:

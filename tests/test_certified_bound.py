@@ -6,9 +6,8 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
+from formulations.certified_bound import _Allocation, information_bound
 from formulations.cramer_rao import (
-    _Allocation,
-    information_bound,
     position_rms,
     posterior_cramer_rao,
     range_information,
