@@ -27,8 +27,8 @@ _HOME = {
     "longitudinal_offset": "path_inertia",
     "path_inertia_curvature": "path_inertia",
     "path_inertia_radius": "path_inertia",
-    "InformationBound": "cramer_rao",
-    "information_bound": "cramer_rao",
+    "InformationBound": "certified_bound",
+    "information_bound": "certified_bound",
     "path_information": "cramer_rao",
     "position_rms": "cramer_rao",
     "position_schur_complement": "metrics",
@@ -60,8 +60,8 @@ _HOME = {
 }
 
 if TYPE_CHECKING:
-    from formulations.cramer_rao import InformationBound as InformationBound
-    from formulations.cramer_rao import information_bound as information_bound
+    from formulations.certified_bound import InformationBound as InformationBound
+    from formulations.certified_bound import information_bound as information_bound
     from formulations.cramer_rao import path_information as path_information
     from formulations.cramer_rao import position_rms as position_rms
     from formulations.cramer_rao import posterior_cramer_rao as posterior_cramer_rao

@@ -1,26 +1,20 @@
-"""Information from ranges: Fisher information, Cramér-Rao bounds, the certified bound.
+"""Information from ranges: Fisher information and Cramér-Rao bounds.
 
 Time runs over samples k = 0 … steps. ``F[k]`` and ``Q[k]`` carry the state from sample k to k+1;
 ``J[k]`` is the information, in inverse units of the state squared, of what is measured on arriving
 there (zero matrices where nothing is). Covariances have steps + 1 samples.
 """
 
-from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 
 import casadi as ca
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from .metrics import EPS
-from .model.casadi import evaluate, symbol
+from .model.casadi import symbol
 from .model.covariance import deviation, propagate, symmetric
-
-RELATIVE_GAP = 0.005  # of the mean square: the bound's RMS is within 0.25 % of the best
-MAX_ITERATIONS = 300
-CURVATURE_DECREASE = 0.9  # of the backtracking, as in Pedregosa et al. (2020)
-CURVATURE_INCREASE = 2.0
-ROUNDING = 1e-12  # of a value, relative: decreases below it cannot be told
+from .model.recursion import Recursion
 
 
 def range_information(
@@ -94,10 +88,9 @@ def posterior_cramer_rao(
     if steps == 0:
         return P
     F, Q, J = (np.broadcast_to(a, (*batch, steps, n, n)) for a in (F, Q, J))
-    sweep = _riccati_sweep(n, steps)
+    sweep = _riccati_sweep(n)
     for i in np.ndindex(*batch):
-        given = [np.ascontiguousarray(a[i], dtype=float) for a in (P[..., 0, :, :], F, Q, J)]
-        evaluate(sweep, given, [P[i][1:]])
+        sweep(P[i], F[i], Q[i], J[i])
     return P
 
 
@@ -124,235 +117,15 @@ def position_rms(P: Float[np.ndarray, "*batch samples n n"]) -> Float[np.ndarray
     return np.asarray(np.sqrt(np.mean(P[..., 0, 0] + P[..., 1, 1], axis=-1)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InformationBound:
-    """What no path of the beacon can beat, with its certificate.
+@cache
+def _riccati_sweep(n: int) -> Recursion:
+    """Make (P, F, Q, J) -> P of the next sample.
 
-    It is a bound and no `Solution`: its minimiser is an allocation that no path need reach, and
-    what counts is the value less the gap. Mean squares [m²] are of the position error, over time.
-
-    ``value`` is reached by the fractional directions ``allocation`` (one 2 x 2 matrix of trace one
-    per ping); ``gap`` is its duality gap: the least mean square of any path lies above ``bound`` =
-    value − gap. ``weights`` are those of the samples, with sum one.
-    """
-
-    value: float
-    gap: float
-    iterations: int
-    allocation: Float[np.ndarray, "pings 2 2"]
-    weights: Float[np.ndarray, " samples"]
-
-    @property
-    def bound(self) -> float:
-        """Certified lower bound on the mean square position error [m²]."""
-        return self.value - self.gap
-
-    @property
-    def bound_rms_m(self) -> float:
-        """Certified lower bound on the root mean square position error [m]."""
-        return float(np.sqrt(self.bound))
-
-    def efficiency(self, P: Float[np.ndarray, "samples n n"]) -> float:
-        """Return the bound over the RMS of a path's posterior Cramér-Rao covariances.
-
-        It is in (0, 1], and 1 where no error is left.
-        """
-        achieved = float(np.sqrt(_mean_square(P, self.weights)))
-        return self.bound_rms_m / achieved if achieved > 0 else 1.0
-
-
-def information_bound(
-    P0: Float[np.ndarray, "n n"],
-    F: Float[np.ndarray, "steps n n"],
-    Q: Float[np.ndarray, "*steps_or_none n n"],
-    J_other: Float[np.ndarray, "steps n n"],
-    *,
-    pings: Int[np.ndarray, " pings"],
-    sigma: float | Float[np.ndarray, " pings"],
-    weights: Float[np.ndarray, " samples"] | None = None,
-    relative_gap: float = RELATIVE_GAP,
-    max_iterations: int = MAX_ITERATIONS,
-) -> InformationBound:
-    r"""Bound one AUV's mean square position error from below, over every path of the beacon.
-
-    The error is that of the posterior Cramér-Rao bound.
-
-    .. math:: \min_{M} \sum_k w_k \operatorname{tr} [P_k]_{xy} \quad \text{over} \quad
-              M_j \succeq 0, \; \operatorname{tr} M_j = 1, \\
-              P = \text{posterior Cramér-Rao with }
-              J_k = J^\mathrm{other}_k + M_j / \sigma_j^2 \text{ at ping } j
-
-    A range gives u uᵀ/σ² with u a unit vector: one such M. The information of the whole trajectory
-    is linear in M, so the sum is convex, and value less duality gap bounds every path, whatever
-    prior, dynamics and process noise. Solved by Frank-Wolfe (Jaggi 2013) with backtracking
-    (Pedregosa et al. 2020), from M = I/2; gradients by one adjoint sweep. Stopped at
-    ``max_iterations`` the bound is looser, and as certain.
-
-    Parameters
-    ----------
-    P0, F, Q
-        As for ``posterior_cramer_rao``, states one and two being east and north [m]. F must not
-        depend on the beacon's path: take Jacobians along the AUV's true trajectory.
-    J_other
-        Information of everything but ranges (a compass), per step.
-    pings
-        Steps at whose end a range comes: ``J[pings]`` holds it.
-    sigma
-        Smallest standard deviation of a range that any path could reach [m], one or per ping. For
-        squared ranges of standard deviation s [m²], worth more the farther, that is s / (2 d) at
-        the largest distance d ever allowed.
-    weights
-        Of the samples in the mean over time; equal unless given. A mean square compared with the
-        bound must be over the same samples.
-    relative_gap
-        Of the value, at which to stop.
-
-    Raises
-    ------
-    ValueError
-        If pings repeat or lie outside the steps, sigma is not positive, weights are negative or all
-        zero, or the model is not finite.
-    """
-    weights = _normalized(np.ones(len(F) + 1) if weights is None else weights, len(F) + 1)
-    _check_pings(pings, len(F))
-    if not (relative_gap > 0 and max_iterations >= 1):
-        raise ValueError(
-            "relative_gap must be positive and max_iterations at least 1, "
-            f"got {relative_gap} and {max_iterations}"
-        )
-    precision = np.broadcast_to(1.0 / _positive(sigma) ** 2, pings.shape)
-    problem = _Allocation(
-        P0=P0, F=F, Q=Q, J_other=J_other, pings=pings, precision=precision, weights=weights
-    )
-    return _frank_wolfe(problem, relative_gap, max_iterations)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Allocation:
-    """Mean square position error, a function of how each ping informs different directions."""
-
-    P0: np.ndarray
-    F: np.ndarray
-    Q: np.ndarray
-    J_other: np.ndarray
-    pings: np.ndarray
-    precision: np.ndarray  # 1 / σ² per ping
-    weights: np.ndarray
-
-    def evaluate(self, M: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """Mean square of the allocation M, and the information and covariances behind it."""
-        J = self.J_other.copy()
-        J[self.pings, :2, :2] += self.precision[:, None, None] * M
-        P = posterior_cramer_rao(self.P0, self.F, self.Q, J)
-        return _mean_square(P, self.weights), J, P
-
-    def gradient(self, J: np.ndarray, P: np.ndarray) -> np.ndarray:
-        r"""Derivative with respect to M, by the adjoint sweep.
-
-        .. math:: \Lambda_k = w_k E + A_k^\top \Lambda_{k+1} A_k, \quad
-                  A_k = (I - P_{k+1} J_k) F_k, \quad
-                  \partial / \partial J_k = -P_{k+1} \Lambda_{k+1} P_{k+1}
-
-        E selects the position. It is a covariance prediction run backwards, and the same sweep does
-        it.
-        """
-        n = len(self.P0)
-        A = (np.eye(n) - P[1:] @ J) @ self.F
-        wE = self.weights[:, None, None] * np.diag(np.arange(n) < 2)
-        last, others = wE[-1], wE[:-1]
-        back = A[::-1].swapaxes(1, 2)
-        swept = posterior_cramer_rao(last, back, others[::-1], np.zeros_like(A))
-        adjoint = swept[::-1][self.pings + 1]
-        after = P[self.pings + 1]
-        by_information = -(after @ adjoint @ after)[:, :2, :2]
-        return self.precision[:, None, None] * by_information
-
-
-def _frank_wolfe(
-    problem: _Allocation, relative_gap: float, max_iterations: int
-) -> InformationBound:
-    """Minimise over allocations; the best lower bound of all iterations is kept."""
-    M = np.broadcast_to(np.eye(2) / 2, (len(problem.pings), 2, 2))
-    value, J, P = problem.evaluate(M)
-    if not np.isfinite(value):
-        raise ValueError(
-            "P0, F, Q, J_other and weights must be finite and not overflow, "
-            f"got a mean square of {value}"
-        )
-    bound, curvature, iterations = 0.0, 0.0, 0  # a mean square is at least zero
-    while True:
-        iterations += 1
-        gradient = problem.gradient(J, P)
-        step = _steepest_vertex(gradient) - M
-        descent = -float(np.sum(gradient * step))
-        bound = max(bound, value - descent)
-        if value - bound <= relative_gap * value or iterations >= max_iterations:
-            return InformationBound(
-                value=value,
-                gap=value - bound,
-                iterations=iterations,
-                allocation=np.array(M),
-                weights=problem.weights,
-            )
-        curvature = max(CURVATURE_DECREASE * curvature, descent)
-        while True:
-            length = min(1.0, descent / curvature)
-            trial, J, P = problem.evaluate(M + length * step)
-            model = value - length * descent + length**2 * curvature / 2
-            if trial <= model + ROUNDING * value:
-                break
-            curvature *= CURVATURE_INCREASE
-        M, value = M + length * step, trial
-
-
-def _steepest_vertex(gradient: np.ndarray) -> np.ndarray:
-    """Minimise the linear model: u uᵀ per ping.
-
-    u is the eigenvector of the gradient's least eigenvalue.
-    """
-    u = np.linalg.eigh(gradient)[1][:, :, 0]
-    return _outer(u)
-
-
-def _mean_square(P: np.ndarray, weights: np.ndarray) -> float:
-    return float(weights @ (P[:, 0, 0] + P[:, 1, 1]))
-
-
-def _normalized(weights: np.ndarray, samples: int) -> np.ndarray:
-    """Return weights of sum one, once they are known to be weights."""
-    if len(weights) != samples:
-        raise ValueError(
-            f"give one weight per sample: {samples} samples, got {len(weights)} weights"
-        )
-    if not (np.all(weights >= 0) and 0 < np.sum(weights) < np.inf):
-        raise ValueError(
-            "weights must be at least 0 and not all 0, "
-            f"got a least of {np.min(weights)} and a sum of {np.sum(weights)}"
-        )
-    return weights / np.sum(weights)
-
-
-def _check_pings(pings: np.ndarray, steps: int) -> None:
-    if len(np.unique(pings)) < len(pings):
-        raise ValueError(
-            "pings must not repeat a step, "
-            f"got {len(pings)} pings at {len(np.unique(pings))} steps; combine their sigmas"
-        )
-    if len(pings) and (pings.min() < 0 or pings.max() >= steps):
-        raise ValueError(
-            f"pings must be steps 0 to {steps - 1}, got {pings.min()} to {pings.max()}"
-        )
-
-
-@lru_cache(maxsize=64)
-def _riccati_sweep(n: int, steps: int) -> ca.Function:
-    """Compile (P0, F, Q, J) -> P over all steps.
-
-    Matrices side by side, F transposed: the memory of row-major arrays.
+    F is given transposed, the memory of row-major arrays.
     """
     P, Ft, Q, J = (symbol(name, n, n) for name in ("P", "Ft", "Q", "J"))
-    step = ca.Function("step", [P, Ft, Q, J], [_update(propagate(P, Ft.T, Q), J)])
-    return step.mapaccum(steps)
+    after = _update(propagate(P, Ft.T, Q), J)
+    return Recursion(ca.Function("riccati", [P, Ft, Q, J], [after]))
 
 
 def _update(P: ca.SX, J: ca.SX) -> ca.SX:
@@ -385,10 +158,10 @@ def _outer(x: np.ndarray) -> np.ndarray:
 
 def _variance(sigma: float | np.ndarray, separation: np.ndarray) -> np.ndarray:
     """Return the variance of ranges over separations, once sigma is known to be positive."""
-    return np.asarray(deviation(_positive(sigma), separation) ** 2)
+    return np.asarray(deviation(positive(sigma), separation) ** 2)
 
 
-def _positive(sigma: float | np.ndarray) -> np.ndarray:
+def positive(sigma: float | np.ndarray) -> np.ndarray:
     """Return standard deviations, once they are known to be positive."""
     sigma = np.asarray(sigma, dtype=float)
     wrong = sigma[~(sigma > 0)]

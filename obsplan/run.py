@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float, Integer
 
+from formulations.certified_bound import InformationBound, information_bound
 from formulations.consistency import effective_samples
 from formulations.cramer_rao import (
-    InformationBound,
-    information_bound,
     position_rms,
     posterior_cramer_rao,
     range_information,

@@ -165,16 +165,7 @@ class Elementwise:
         return ca.Function("elementwise", [given], [ca.cse(ca.horzcat(*(v.T for v in found)))])
 
 
-class Cases:
-    """A Function run for many cases at once, as machine code where there is a compiler.
-
-    Its last argument is shared by all cases.
-
-    Without one: ``scalars`` says that the virtual machine shall run it on scalars, which is faster
-    while it is small.
-    """
-
-    DRIVER = """
+DRIVER = """
 int {name}_cases(casadi_int count, const casadi_int* steps, const casadi_real** arg,
                  casadi_real** res, casadi_int* iw, casadi_real* w) {{
   const casadi_real* a[{sz_arg}];
@@ -188,6 +179,16 @@ int {name}_cases(casadi_int count, const casadi_int* steps, const casadi_real** 
 }}
 """
 
+
+class Cases:
+    """A Function run for many cases at once, as machine code where there is a compiler.
+
+    Its last argument is shared by all cases.
+
+    Without one: ``scalars`` says that the virtual machine shall run it on scalars, which is faster
+    while it is small.
+    """
+
     def __init__(self, function: ca.Function, *, scalars: bool) -> None:
         self.function = function.expand() if scalars else function
         own = [function.nnz_in(i) for i in range(function.n_in() - 1)]
@@ -198,23 +199,7 @@ int {name}_cases(casadi_int count, const casadi_int* steps, const casadi_real** 
         self._found = ctypes.c_void_p * function.n_out()
         self._results = [_axes(*function.size_out(i)) for i in range(function.n_out())]
         self._reals, self._integers = function.sz_w(), function.sz_iw()
-        self._run = self._compiled(function)
-
-    def _compiled(self, function: ca.Function) -> Any:
-        """The driver; None where it cannot be compiled."""
-        driver = self.DRIVER.format(
-            name=function.name(),
-            sz_arg=function.sz_arg(),
-            sz_res=function.sz_res(),
-            n_in=function.n_in(),
-            n_out=function.n_out(),
-        )
-        library = compiled_library(generate(function) + driver, asked_for=False)
-        if library is None:
-            return None
-        driver = ctypes.CDLL(str(library))[f"{function.name()}_cases"]
-        driver.argtypes = [ctypes.c_longlong, *[ctypes.c_void_p] * 5]
-        return driver
+        self._run = cases_driver(function)
 
     def __call__(self, *arguments: np.ndarray) -> list[np.ndarray]:
         """Results of contiguous arrays of floats, cases first, and of the one that is shared."""
@@ -234,6 +219,27 @@ int {name}_cases(casadi_int count, const casadi_int* steps, const casadi_real** 
         given, found = map(_address, arguments), map(_address, results)
         self._run(count, self._steps, self._given(*given), self._found(*found), integers, reals)
         return results
+
+
+def cases_driver(function: ca.Function) -> Any:
+    """What runs a Function's machine code for one case after the other; None without a compiler.
+
+    It takes the number of cases; how many numbers each argument's next case is further on, then
+    each result's; pointers to those of the first case; and memory to work in, integers and reals.
+    """
+    driver = DRIVER.format(
+        name=function.name(),
+        sz_arg=function.sz_arg(),
+        sz_res=function.sz_res(),
+        n_in=function.n_in(),
+        n_out=function.n_out(),
+    )
+    library = compiled_library(generate(function) + driver, asked_for=False)
+    if library is None:
+        return None
+    run = ctypes.CDLL(str(library))[f"{function.name()}_cases"]
+    run.argtypes = [ctypes.c_longlong, *[ctypes.c_void_p] * 5]
+    return run
 
 
 def _check(array: np.ndarray, size: int) -> None:

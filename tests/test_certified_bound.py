@@ -6,9 +6,9 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
+from formulations import certified_bound
+from formulations.certified_bound import FINEST, _Allocation, information_bound
 from formulations.cramer_rao import (
-    _Allocation,
-    information_bound,
     position_rms,
     posterior_cramer_rao,
     range_information,
@@ -41,9 +41,13 @@ def rms_of_bearings(model, pings, bearing, sigma):
     return position_rms(posterior_cramer_rao(model["P0"], model["F"], model["Q"], J))
 
 
-def test_bound_is_below_a_thousand_random_paths_and_models_and_its_gap_closes():
+@pytest.mark.parametrize(("finest", "models"), [(FINEST, 50), (10, 10)])
+def test_bound_is_below_a_thousand_random_paths_and_models_and_its_gap_closes(
+    finest, models, monkeypatch
+):
+    monkeypatch.setattr(certified_bound, "FINEST", finest)
     rng = np.random.default_rng(11)
-    for _ in range(50):
+    for _ in range(models):
         model, pings, course = survey_model(rng, 45)
         sigma = rng.uniform(0.05, 2.0)
         bound = information_bound(**model, pings=pings, sigma=sigma)
@@ -268,3 +272,65 @@ def test_nothing_to_gain_is_bounded_by_what_there_is():
 def test_bound_refuses_what_makes_no_sense(change, message):
     with pytest.raises(ValueError, match=message):
         information_bound(**static_model(5) | {"pings": np.arange(5), "sigma": 1.0} | change)
+
+
+# Long missions: from coarse to fine
+
+
+@pytest.mark.parametrize("steps", [200, 201, 255])
+def test_a_search_from_coarse_to_fine_certifies_the_same_optimum_in_fewer_iterations(
+    steps, monkeypatch
+):
+    """Of two certified intervals of one optimum each reaches into the other."""
+    rng = np.random.default_rng(steps)
+    model, pings, _ = survey_model(rng, steps, every=4)
+    sigma = rng.uniform(0.2, 2.0, len(pings))
+    at_once = information_bound(**model, pings=pings, sigma=sigma)
+    monkeypatch.setattr(certified_bound, "FINEST", 20)
+    from_coarse = information_bound(**model, pings=pings, sigma=sigma)
+    assert from_coarse.bound <= at_once.value
+    assert at_once.bound <= from_coarse.value
+    assert from_coarse.bound >= (1 - 0.005) ** 2 * at_once.bound  # a gap each, at most
+    assert from_coarse.iterations < at_once.iterations
+
+
+def test_value_and_gap_from_coarse_to_fine_are_of_every_step_and_ping(monkeypatch):
+    """The value by a Kalman filter on information written out, the gap by finite differences."""
+    monkeypatch.setattr(certified_bound, "FINEST", 5)
+    rng = np.random.default_rng(6)
+    model, pings, _ = survey_model(rng, 19, every=3)
+    bound = information_bound(**model, pings=pings, sigma=0.7, relative_gap=0.02)
+
+    def mean_square(M):
+        P, squares = model["P0"], [np.trace(model["P0"][:2, :2])]
+        for k, F in enumerate(model["F"]):
+            J = model["J_other"][k].copy()
+            if k in pings:
+                J[:2, :2] += M[list(pings).index(k)] / 0.7**2
+            P = F @ P @ F.T + model["Q"]
+            P = P @ np.linalg.inv(np.eye(4) + J @ P)
+            squares.append(np.trace(P[:2, :2]))
+        return np.mean(squares)
+
+    M, h = bound.allocation, 1e-5
+    assert bound.value == pytest.approx(mean_square(M), rel=1e-9)
+    most = 0.0  # of the linear model, over all directions of each ping
+    for j in range(len(pings)):
+        slopes = np.empty((2, 2))
+        for r, c in np.ndindex(2, 2):
+            step = np.zeros_like(M)
+            step[j, r, c] += h / 2
+            step[j, c, r] += h / 2
+            slopes[r, c] = (mean_square(M + step) - mean_square(M - step)) / (2 * h)
+        most += np.sum(slopes * M[j]) - np.linalg.eigvalsh(slopes)[0]
+    assert bound.gap == pytest.approx(most, rel=1e-5, abs=1e-9)
+    assert not np.allclose(M, np.eye(2) / 2)  # the coarser allocation was taken up
+
+
+def test_progress_rises_to_the_whole(monkeypatch):
+    monkeypatch.setattr(certified_bound, "FINEST", 50)
+    model, pings, _ = survey_model(np.random.default_rng(4), 170)
+    shares = []
+    information_bound(**model, pings=pings, sigma=1.0, progress=shares.append)
+    assert shares == sorted(shares)
+    assert 0 < shares[0] < shares[-1] == 1.0

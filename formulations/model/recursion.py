@@ -1,0 +1,74 @@
+"""One Function applied step after step over arrays: covariances along a mission, say."""
+
+import ctypes
+
+import casadi as ca
+import numpy as np
+
+from .casadi import cases_driver, evaluate, in_sequence
+
+
+class Recursion:
+    """A Function (x, inputs) -> x, each step's from the last one's.
+
+    Where there is a compiler it runs as machine code, which is compiled once for any number of
+    steps and gives the same bits as CasADi's virtual machine.
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        self.function = function
+        self._run = cases_driver(function)
+        self._strides = ctypes.c_longlong * (function.n_in() + 1)
+        self._given = ctypes.c_void_p * function.n_in()
+        self._reals, self._integers = function.sz_w(), function.sz_iw()
+
+    def __call__(self, x: np.ndarray, *inputs: np.ndarray) -> None:
+        """Fill x[1:] from x[0] and each step's inputs; x is contiguous, of floats, steps first.
+
+        Inputs have the steps first, too. They may be views that run backwards, or that repeat one
+        matrix; each step's numbers are laid side by side unless they are already.
+        """
+        steps = len(x) - 1
+        self._check(x, inputs)
+        if steps == 0:
+            return
+        if self._run is None:
+            given = [np.ascontiguousarray(a, dtype=float) for a in (x[0], *inputs)]
+            evaluate(in_sequence(self.function, steps, 1), given, [x[1:]])
+            return
+        inputs = tuple(_each_side_by_side(a) for a in inputs)
+        strides = [a.strides[0] // a.itemsize for a in (x, *inputs, x)]
+        given = [a.ctypes.data for a in (x, *inputs)]
+        found = (ctypes.c_void_p * 1)(x[1:].ctypes.data)
+        work = np.empty(self._reals + self._integers)
+        integers = work[self._reals :].ctypes.data
+        self._run(
+            steps,
+            self._strides(*strides),
+            self._given(*given),
+            found,
+            integers,
+            work.ctypes.data,
+        )
+
+    def _check(self, x: np.ndarray, inputs: tuple[np.ndarray, ...]) -> None:
+        """Refuse what would be read or written beyond its end, or in another order."""
+        function, steps = self.function, len(x) - 1
+        fits = x.size == (steps + 1) * function.nnz_in(0)
+        if not (fits and x.flags.c_contiguous and x.flags.writeable and x.dtype == float):
+            raise ValueError(
+                f"x must be {function.nnz_in(0)} floats for each of {steps + 1} samples, side by "
+                f"side, got {x.dtype} of {x.shape}"
+            )
+        for i, a in enumerate(inputs, start=1):
+            if len(a) != steps or a.size != steps * function.nnz_in(i):
+                raise ValueError(
+                    f"input {i} must be {function.nnz_in(i)} numbers for each of {steps} steps, "
+                    f"got an array of {a.shape}"
+                )
+
+
+def _each_side_by_side(array: np.ndarray) -> np.ndarray:
+    """The array, of floats, as it is if each step's numbers are side by side in memory."""
+    array = np.asarray(array, dtype=float)
+    return array if array[0].flags.c_contiguous else np.ascontiguousarray(array)
