@@ -11,15 +11,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from formulations.model import casadi as module
-from formulations.model.casadi import (
-    Cases,
-    Elementwise,
-    find_compiler,
-    machine_code,
-    of_each,
-    say_there_is_no_compiler,
-)
+from formulations.model import library as module
+from formulations.model.casadi import Cases, Elementwise, machine_code, of_each
+from formulations.model.library import find_compiler, say_there_is_no_compiler
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="needs a C compiler")
 CODE = "#!/bin/sh\n"
@@ -151,6 +145,76 @@ def test_cache_folder_is_the_users_unless_named(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
     machine_code(pendulum())
     assert len(list((tmp_path / "xdg/obsplan").glob("*.so"))) == 1
+
+
+# Libraries that are not ours
+
+
+def only_library(cache):
+    (library,) = cache.iterdir()
+    return library
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda library: library.write_bytes(b""),
+        lambda library: library.write_bytes(library.read_bytes()[:-100]),
+        lambda library: library.write_bytes(b"\x7fELF" + bytes(4000)),
+        lambda library: library.write_bytes(library.read_bytes().replace(b"step", b"stop")),
+    ],
+    ids=["empty", "cut", "another", "edited"],
+)
+def test_library_that_is_damaged_is_never_loaded_and_built_anew(damage, cache, caplog):
+    expected = values(machine_code(pendulum()))
+    library = only_library(cache)
+    whole = library.read_bytes()
+    damage(library)
+    np.testing.assert_array_equal(values(machine_code(pendulum())), expected)
+    assert caplog.messages == [f"generated code in {library} is damaged; it is built anew"]
+    assert only_library(cache).read_bytes() == whole
+
+
+def test_library_of_another_function_under_this_ones_name_is_never_loaded(cache):
+    expected = values(machine_code(pendulum()))
+    ours = only_library(cache)
+    machine_code(pendulum(damping=0.2))
+    (other,) = set(cache.iterdir()) - {ours}
+    ours.write_bytes(other.read_bytes())
+    np.testing.assert_array_equal(values(machine_code(pendulum())), expected)
+    # the whole name of the other, put under this one's first part
+    digest = other.name.split("-")[1]
+    ours.unlink()
+    (cache / f"{ours.name.split('-')[0]}-{digest}").write_bytes(other.read_bytes())
+    np.testing.assert_array_equal(values(machine_code(pendulum())), expected)
+
+
+def test_folder_is_private_even_where_all_is_open(cache):
+    before = os.umask(0)
+    try:
+        machine_code(pendulum())
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE(cache.stat().st_mode) == 0o700
+
+
+@pytest.mark.parametrize("mode", [0o770, 0o707, 0o777])
+def test_folder_that_others_can_write_into_is_not_used(mode, cache, caplog):
+    cache.mkdir()
+    cache.chmod(mode)
+    function = pendulum()
+    assert machine_code(function) is function
+    assert f"others can write into {cache}: chmod go-w it" in caplog.text
+    assert list(cache.iterdir()) == []
+
+
+def test_compiler_that_never_ends_is_given_up(cache, tmp_path, monkeypatch, caplog):
+    fake_compiler(tmp_path, '[ "$1" = --version ] && exit\nexec sleep 60\n', monkeypatch)
+    monkeypatch.setattr(module, "PATIENCE", 0.3)
+    function = pendulum()
+    assert machine_code(function) is function
+    assert "mycc did not end within 0 s; using CasADi's virtual machine" in caplog.text
+    assert list(cache.iterdir()) == []
 
 
 # Many cases at once

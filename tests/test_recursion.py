@@ -4,8 +4,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from formulations.model import casadi as module
-from formulations.model.casadi import find_compiler
+from formulations.model import library as module
+from formulations.model.library import find_compiler
 from formulations.model.recursion import Recursion
 
 

@@ -6,29 +6,20 @@ machine, to the last bit, several times faster.
 """
 
 import ctypes
-import hashlib
-import logging
-import os
-import shutil
-import subprocess
-import tempfile
 import threading
 from collections.abc import Callable, Sequence
-from functools import cache, lru_cache
+from functools import lru_cache
 from inspect import signature
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-# No fused multiply-add: the virtual machine has none.
-FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
+from .library import compiled_library
+
 LEAST_CASES = 16  # that an elementwise Function is built for
 
 SX = Any  # CasADi's own signatures do not say what its operators take and give
-
-log = logging.getLogger("obsplan")
 
 
 def symbol(name: str, rows: int = 1, columns: int = 1) -> SX:
@@ -259,84 +250,8 @@ def machine_code(function: ca.Function) -> ca.Function:
     return function if library is None else ca.external(function.name(), str(library))
 
 
-def compiled_library(source: str, *, asked_for: bool) -> Path | None:
-    """Path of the shared library of a C source; None, with a message, where it cannot be made.
-
-    That there is no compiler is said only to who has ``asked_for`` one. Libraries are kept by the
-    content of their source in the user's cache folder (``OBSPLAN_CACHE`` names another), each built
-    under a temporary name and renamed: processes may compile at once.
-    """
-    compiler = find_compiler()
-    if compiler is None:
-        if asked_for:
-            say_there_is_no_compiler()
-        return None
-    try:
-        return cached_library(source, compiler)
-    except subprocess.CalledProcessError as error:
-        detail = (error.stderr or str(error)).strip().splitlines()
-        reason = f"{compiler} failed ({detail[-1] if detail else error})"
-    except OSError as error:
-        reason = f"it cannot be kept ({error}; OBSPLAN_CACHE names another folder)"
-    log.warning("no generated code: %s; using CasADi's virtual machine", reason)
-    return None
-
-
-@cache
-def find_compiler() -> str | None:
-    """Path of the C compiler: ``CC`` in the environment, else cc, gcc or clang.
-
-    None where there is none.
-    """
-    names = filter(None, (os.environ.get("CC"), "cc", "gcc", "clang"))
-    return next((path for name in names if (path := shutil.which(name))), None)
-
-
-@cache
-def say_there_is_no_compiler() -> None:
-    """Say it once."""
-    log.warning(
-        "no C compiler found: "
-        "using CasADi's virtual machine, with the same results, about three times slower"
-    )
-
-
 def generate(function: ca.Function) -> str:
     """C source of a Function."""
     generator = ca.CodeGenerator(function.name())
     generator.add(function)
     return generator.dump()
-
-
-def cached_library(source: str, compiler: str) -> Path:
-    """Path of the shared library for a source, compiled unless it is there already."""
-    folder = cache_folder()
-    content = "\0".join((source, compiler_version(compiler), *FLAGS))
-    key = hashlib.sha256(content.encode()).hexdigest()
-    library = folder / f"{key}.so"
-    if library.exists():
-        return library
-    folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder) as work:
-        path = Path(work) / "step.c"
-        path.write_text(source)
-        command = [compiler, *FLAGS, str(path), "-o", str(path.with_suffix(".so")), "-lm"]
-        subprocess.run(command, check=True, capture_output=True, text=True)
-        path.with_suffix(".so").replace(library)
-    return library
-
-
-def cache_folder() -> Path:
-    """Where libraries are kept."""
-    named = os.environ.get("OBSPLAN_CACHE")
-    if named:
-        return Path(named)
-    caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(caches) / "obsplan"
-
-
-@cache
-def compiler_version(compiler: str) -> str:
-    """What the compiler says it is: another one makes another library."""
-    done = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=False)
-    return f"{compiler} {done.stdout}"
