@@ -5,7 +5,7 @@ Errors within a run depend on each other: a run is worth fewer independent ones 
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 CONFIDENCE = 0.95  # of the interval
 INSTANTS = 400  # of a run that are looked at: errors change little between them
@@ -84,5 +84,6 @@ def mean_nees_interval(samples: float, *, position: int = 2) -> tuple[float, flo
     Kirubarajan 2001, 5.4); N, here ``samples``, need not be whole.
     """
     tail = (1.0 - CONFIDENCE) / 2
-    low, high = chi2.ppf([tail, 1.0 - tail], position * samples) / samples
+    # quantiles of the chi-square distribution with position * samples degrees of freedom
+    low, high = 2 * gammaincinv(position * samples / 2, [tail, 1.0 - tail]) / samples
     return float(low), float(high)

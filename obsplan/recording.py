@@ -1,5 +1,6 @@
 """A run as a labelled dataset by the CF conventions, and as a NetCDF file."""
 
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,48 +47,84 @@ def write_netcdf(run: Run, path: Path | str) -> None:
     ObsplanError
         The file cannot be written; nothing is left behind.
     """
-    content = as_trajectories(to_dataset(run)).to_netcdf(engine="scipy", format="NETCDF3_64BIT")
-    write_atomically(Path(path), bytes(content))
+    from scipy.io import netcdf_file  # without xarray and pandas, which take longer to import
+
+    names = np.array([name.encode() for name in run.names])
+    letters = f"string{names.itemsize}"
+    content = BytesIO()
+    file = netcdf_file(content, "w", version=2)
+    _set_attributes(file, _attributes(run))
+    file.createDimension("auv", len(names))
+    file.createDimension("obs", run.time.size)
+    file.createDimension(letters, names.itemsize)
+    for name, (dimensions, values, attributes) in as_trajectories(run).items():
+        written = file.createVariable(name, values.dtype.newbyteorder(">"), dimensions)
+        written[:] = values
+        _set_attributes(written, attributes)
+    identity = {**_coordinates(run)["auv"][2], "_Encoding": "utf-8"}
+    written = file.createVariable("auv", "c", ("auv", letters))
+    written[:] = names[:, None].view("S1")
+    _set_attributes(written, identity)
+    file.flush()
+    write_atomically(Path(path), content.getvalue())
 
 
-def as_trajectories(dataset: "xr.Dataset") -> "xr.Dataset":
-    """Lay a dataset out as CF wants trajectories (CF-1.11, H.4.1).
+def _set_attributes(of: Any, attributes: dict[str, Any]) -> None:
+    for name, value in attributes.items():
+        if isinstance(value, str):
+            setattr(of, name, value.encode())
+        elif isinstance(value, float):
+            setattr(of, name, np.float64(value))  # else scipy keeps half of the digits
+        else:
+            setattr(of, name, value)
+
+
+def as_trajectories(run: Run) -> Variables:
+    """Lay a run out as CF wants trajectories (CF-1.11, H.4.1).
 
     Everything, time too, is by AUV and observation. So the aid vehicle's path is repeated for each
     AUV, as in ``tracks.csv``; the covariance becomes one variable, with its unit, for each entry
     of its lower triangle.
     """
     along = ("auv", "obs")
-    times = dataset["time"].variable
-    flat = (
-        dataset.drop_vars(["time", "state"])
-        .rename_dims(time="obs")
-        .assign_coords(time=("obs", times.values, times.attrs))
-    )
-    states = dataset["state"].values.tolist()
-    units = dict(zip(states, dataset["state"].attrs[UNITS], strict=True))
-    for i, row in enumerate(states):
-        for j, column in enumerate(states[: i + 1]):
-            attributes = {
+    shape = (len(run.names), run.time.size)
+    coordinates = _coordinates(run)
+    data = {**_cna(run), **_auvs(run), **_decisions(run), **_derived(run)}
+    del data["covariance"]
+    flat: Variables = {}
+    for name, (_, values, attributes) in data.items():
+        laid = np.broadcast_to(values, shape)
+        located = {**attributes, "coordinates": "lat lon time"}
+        flat[name] = (along, laid, located | _missing(laid))
+    for name in ("lat", "lon", "time"):
+        _, values, attributes = coordinates[name]
+        flat[name] = (along, np.broadcast_to(values, shape), attributes)
+    return flat | _covariances(run)
+
+
+def _missing(values: np.ndarray) -> dict[str, Any]:
+    """The attribute that says what stands for a missing value; none where nothing is missing."""
+    if not np.issubdtype(values.dtype, np.floating):
+        return {"_FillValue": np.int8(NO_DECISION)}
+    return {"_FillValue": np.nan} if np.isnan(values).any() else {}
+
+
+def _covariances(run: Run) -> Variables:
+    """Entries of the lower triangle of each covariance."""
+    along = ("auv", "obs")
+    _, states, attributes = _coordinates(run)["state"]
+    units = dict(zip(states.tolist(), attributes[UNITS], strict=True))
+    found: Variables = {}
+    for i, row in enumerate(units):
+        for j, column in enumerate([*units][: i + 1]):
+            values = run.covariance[..., i, j]
+            about = {
                 "long_name": f"covariance of the estimated {row} and {column}",
                 "units": f"{units[row]} {units[column]}",
+                "coordinates": "lat lon time",
             }
-            flat[f"cov_{row}_{column}"] = (
-                along,
-                dataset["covariance"].values[..., i, j],
-                attributes,
-            )
-    flat = flat.drop_vars("covariance")
-    shape = (flat.sizes["auv"], flat.sizes["obs"])
-    for name, variable in flat.variables.items():
-        if variable.dims == ("obs",):
-            flat[name] = (along, np.broadcast_to(variable.values, shape), variable.attrs)
-        missing = np.issubdtype(variable.dtype, np.floating) and bool(
-            np.isnan(variable.values).any()
-        )
-        flat[name].encoding["_FillValue"] = np.nan if missing else None
-    flat["status"].encoding["_FillValue"] = np.int8(NO_DECISION)
-    return flat
+            found[f"cov_{row}_{column}"] = (along, values, about | _missing(values))
+    return found
 
 
 def _attributes(run: Run) -> dict[str, Any]:

@@ -11,7 +11,6 @@ from scipy.io import netcdf_file
 
 import obsplan as op
 from formulations.solution import Status
-from obsplan.recording import as_trajectories
 from obsplan.scenario import from_dict, load
 from obsplan.simulation import simulate
 from obsplan.types import ObsplanError
@@ -113,6 +112,10 @@ def test_file_follows_the_conventions_for_trajectories(variables):
             }
     assert {"scenario", "planner", "seed", "version", "title", "condition_label"} <= set(attributes)
     assert not {"date_created", "date"} & set(attributes)
+    assert (attributes["origin_latitude"], attributes["origin_longitude"]) == (
+        LAT,
+        LON,
+    )  # all digits
 
 
 def test_decisions_carry_their_status_as_a_flag(run, variables):
@@ -138,10 +141,10 @@ def test_xarray_reads_the_file_back(run, tmp_path):
         seconds = (dataset.time - np.datetime64("1970-01-01")) / np.timedelta64(1, "s")
         np.testing.assert_allclose(seconds, [run.time, run.time], rtol=1e-12)
         assert dataset.attrs["condition_label"] == "κ(J)"
-        xr.testing.assert_allclose(
-            dataset["error"].drop_vars(["time"]),
-            as_trajectories(op.to_dataset(run))["error"].drop_vars(["time"]),
-        )
+        labelled = op.to_dataset(run)
+        for name in ("error", "separation", "nees", "range"):
+            np.testing.assert_array_equal(dataset[name], labelled[name])
+            assert dataset[name].attrs["long_name"] == labelled[name].attrs["long_name"]
 
 
 def test_same_run_gives_the_same_bytes_and_another_seed_others(tmp_path):
