@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import ConvexHull
 
 from ..model.frames import Frame
 
@@ -49,6 +48,8 @@ def convex_areas(
 
 def hull_lines(points: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "J 3"]:
     """Lines through the edges of the convex hull."""
+    from scipy.spatial import ConvexHull  # takes long to import, and few have polygons
+
     lines = ConvexHull(points).equations * [1.0, 1.0, -1.0]
     return lines[np.lexsort(np.round(lines, 9).T)]
 
