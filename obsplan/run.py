@@ -318,6 +318,11 @@ class Run:
             return map_figure(self)
 
 
+def by_auv(a: np.ndarray) -> np.ndarray:
+    """Swap the axes of samples and AUVs."""
+    return np.ascontiguousarray(a.swapaxes(0, 1))
+
+
 def record(
     scenario: Scenario, planner: object, seed: int, carry: Any, log: Any, timing: Timing
 ) -> Run:
@@ -325,11 +330,10 @@ def record(
 
     Carries have the axes (samples, AUVs, rows), covariances being whole; logs (steps, AUVs, rows).
     """
-    per_auv = lambda a: np.ascontiguousarray(a.swapaxes(0, 1))  # noqa: E731
     missing = np.full((len(scenario.table.auv), 1), np.nan)
-    turn_rate, speed = np.concatenate(
-        [carry.command[1:, 0], carry.command[-1:, 0]]
-    ).T  # a carry's command is that of the step before
+    # a carry's command is that of the step before
+    command = np.concatenate([carry.command[1:, 0], carry.command[-1:, 0]])
+    turn_rate, speed = command.T
     return Run(
         scenario=scenario,
         planner=name_of(planner),
@@ -339,14 +343,14 @@ def record(
         cna=carry.cna[:, 0],
         turn_rate=turn_rate,
         speed=speed,
-        truth=per_auv(carry.truth),
-        mean=per_auv(carry.mean),
-        covariance=per_auv(carry.covariance),
+        truth=by_auv(carry.truth),
+        mean=by_auv(carry.mean),
+        covariance=by_auv(carry.covariance),
         range=np.concatenate(
-            [missing, per_auv(log.range)[..., 0]], axis=1
+            [missing, by_auv(log.range)[..., 0]], axis=1
         ),  # measured at the step's end
         condition=np.concatenate(
-            [per_auv(log.condition)[..., 0], missing], axis=1
+            [by_auv(log.condition)[..., 0], missing], axis=1
         ),  # decided at its beginning
         score=np.append(log.score[:, 0, 0], np.nan),
         status=np.append(log.status[:, 0, 0], np.nan),

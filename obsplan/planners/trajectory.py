@@ -180,6 +180,8 @@ class Trajectory:
         headings = np.where(still, [auv.mean[2] for auv in auvs], ways)
         noise = np.array([auv.process_noise for auv in auvs])
         growth = noise[:, 0] + durations[-1] * (speeds.max(axis=0) * noise[:, 1] + noise[:, 2])
+        straying = SURE * growth * np.sqrt(durations[-1])
+        pings = np.diff(intervals(time + ends, self.situation.ping_interval))
         return Task(
             pose=np.array([pose.x, pose.y, pose.heading]),
             turn_rate=pose.turn_rate,
@@ -187,13 +189,13 @@ class Trajectory:
             min_turn_radius=cna.min_turn_radius,
             durations=durations,
             reach=self._reach(),
-            pings=np.diff(intervals(time + ends, self.situation.ping_interval)),
+            pings=pings,
             positions=positions,
             headings=headings,
             speeds=speeds,
             covariance=np.array([auv.covariance for auv in auvs]),
             process_noise=noise[:, [0, 0, 1, 2]],
-            spread=np.hypot(margins(auvs), SURE * growth * np.sqrt(durations[-1])),
+            spread=np.hypot(margins(auvs), straying),
             weights=np.array([auv.weight for auv in auvs], dtype=float),
             ranging=self.situation.ranging,
             areas=self._areas,

@@ -247,7 +247,7 @@ def _start(track: Track, limits: Constraints, numbers: Numbers, remarks: list[st
     free = np.flatnonzero(outside <= -SPARE * numbers.min_turn_radius)
     if not free.size:
         remarks.append(
-            "the aid vehicle's start is outside the limits, for none with room to turn was found "
+            "the aid vehicle's start is outside the limits, for none with space to turn was found "
             f"within {rings.max():.0f} m of the first waypoint: move cna.start"
         )
     x, y, heading = poses[free[0] if free.size else 0].tolist()

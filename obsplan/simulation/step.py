@@ -100,19 +100,22 @@ class StepBuilder:
     def build(self) -> ca.Function:
         """The Function (Carry, Inputs) -> (Carry, Log)."""
         auvs = len(self.scenario.table.auv)
-        of = lambda name: symbol(name, *shape_of(name, self.scenario)[::-1])  # noqa: E731
-        carry, inputs = Carry(*map(of, Carry._fields)), Inputs(*map(of, Inputs._fields))
+        carry = Carry(*map(self._symbol, Carry._fields))
+        inputs = Inputs(*map(self._symbol, Inputs._fields))
         command, score, condition, status = self._decide(carry, inputs)
         cna = self.scenario.cna.step(carry.cna, command, self.scenario.table.time_step)
         moved = [self._auv(i, cna, carry, inputs) for i in range(auvs)]
         *columns, ranges = (ca.horzcat(*column) for column in zip(*moved, strict=True))
-        after, log = Carry(cna, command, *columns), Log(ranges, score, condition, status)
+        after = Carry(cna, command, *columns)
+        log = Log(ranges, score, condition, status)
         outputs = [ca.densify(expression) for expression in (*after, *log)]
-        names = (
-            [*Carry._fields, *Inputs._fields],
-            [*(f"next_{name}" for name in Carry._fields), *Log._fields],
-        )
-        return ca.Function("step", [*carry, *inputs], outputs, *names)
+        given = [*Carry._fields, *Inputs._fields]
+        made = [*(f"next_{name}" for name in Carry._fields), *Log._fields]
+        return ca.Function("step", [*carry, *inputs], outputs, given, made)
+
+    def _symbol(self, name: str) -> ca.SX:
+        """The symbol of an input, with one column per AUV."""
+        return symbol(name, *reversed(shape_of(name, self.scenario)))
 
     def _decide(self, carry: Carry, inputs: Inputs) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """Command, score, condition numbers and status.
@@ -122,18 +125,16 @@ class StepBuilder:
         expression = folded(self.scenario, self.planner)
         if expression is None:
             return inputs.given, ca.SX.nan(1), ca.SX.nan(1, carry.truth.shape[1]), ca.SX.nan(1)
-        known = {"survey": inputs.survey, "truth": carry.truth}.get(
-            self.scenario.table.planner.knowledge, carry.reported
-        )[:BASIC, :]
-        new = guarded(
-            expression,
-            inputs.time,
-            ca.vertcat(carry.cna, carry.command[0]),
-            self._targets(known, carry),
-        )
-        due = lambda value, otherwise: ca.if_else(inputs.decide, value, otherwise)  # noqa: E731
-        command = due(ca.vertcat(new.turn_rate, new.speed), carry.command)
-        return command, due(new.score, np.nan), due(new.condition, np.nan), due(new.status, np.nan)
+        means = {"survey": inputs.survey, "truth": carry.truth}
+        known = means.get(self.scenario.table.planner.knowledge, carry.reported)
+        pose = ca.vertcat(carry.cna, carry.command[0])
+        targets = self._targets(known[:BASIC, :], carry)
+        new = guarded(expression, inputs.time, pose, targets)
+        command = ca.if_else(inputs.decide, ca.vertcat(new.turn_rate, new.speed), carry.command)
+        score = ca.if_else(inputs.decide, new.score, np.nan)
+        condition = ca.if_else(inputs.decide, new.condition, np.nan)
+        status = ca.if_else(inputs.decide, new.status, np.nan)
+        return command, score, condition, status
 
     def _targets(self, known: ca.SX, carry: Carry) -> Targets:
         """What the planner is told: means by the scenario's knowledge, uncertainty as reported.
@@ -163,14 +164,17 @@ class StepBuilder:
         error = ranging.deviation(truth, cna) * inputs.range_error[i]
         z = ranging.measure(truth, cna) + error
         x_ranged, P_ranged = filtering.update(x, P, z, ranging, cna)
-        pinged = lambda value, otherwise: ca.if_else(inputs.ping, value, otherwise)  # noqa: E731
-        x, P = pinged(x_ranged, x), pinged(pack(P_ranged), pack(P))
+        x = ca.if_else(inputs.ping, x_ranged, x)
+        P = ca.if_else(inputs.ping, pack(P_ranged), pack(P))
         along = scenario.table.planner.knowledge == "estimate-and-survey"
         turns = inputs.steer[:, i] - carry.reported[2:BASIC, i] if along else ca.SX.zeros(2)
         reckoned, reckoned_P = filtering.predict(
             carry.reported[:, i], unpack(carry.reported_covariance[:, i], m), turns, process
         )
-        return truth, x, P, pinged(x, reckoned), pinged(P, pack(reckoned_P)), pinged(z, np.nan)
+        reported = ca.if_else(inputs.ping, x, reckoned)
+        reported_P = ca.if_else(inputs.ping, P, pack(reckoned_P))
+        measured = ca.if_else(inputs.ping, z, np.nan)
+        return truth, x, P, reported, reported_P, measured
 
     def _process(self, i: int) -> Process:
         """What the filter of an AUV assumes."""

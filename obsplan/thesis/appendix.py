@@ -60,10 +60,14 @@ def recorded(run: Run) -> "xr.Dataset":
     every = slice(None, None, round(SAMPLING / run.scenario.table.time_step))
     truth, mean, P = run.truth[0, every], run.mean[0, every], run.covariance[0, every]
     columns = {
-        **{f"cna_{axis}": (run.cna[every, k], "m") for k, axis in enumerate("xy")},
-        **{f"auv_{axis}": (truth[:, k], "m") for k, axis in enumerate("xy")},
-        **{f"estimate_{axis}": (mean[:, k], "m") for k, axis in enumerate("xy")},
-        **{f"sigma_{axis}": (np.sqrt(P[:, k, k]), "m") for k, axis in enumerate("xy")},
+        "cna_x": (run.cna[every, 0], "m"),
+        "cna_y": (run.cna[every, 1], "m"),
+        "auv_x": (truth[:, 0], "m"),
+        "auv_y": (truth[:, 1], "m"),
+        "estimate_x": (mean[:, 0], "m"),
+        "estimate_y": (mean[:, 1], "m"),
+        "sigma_x": (np.sqrt(P[:, 0, 0]), "m"),
+        "sigma_y": (np.sqrt(P[:, 1, 1]), "m"),
         "heading": (truth[:, 2], "rad"),
         "speed": (truth[:, 3], "m s-1"),
         "speed_estimate": (mean[:, 3], "m s-1"),

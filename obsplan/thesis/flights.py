@@ -56,29 +56,32 @@ def tracks(runs: Sequence[Run]) -> "xr.Dataset":
 
     def variable(name: str, values: list[np.ndarray], unit: str, *, auv: bool = False):
         return (
-            ("start", *(("auv",) if auv else ()), "time"),
+            ("start", "auv", "time") if auv else ("start", "time"),
             np.stack(values),
             {"units": unit, "long_name": name},
         )
 
     table = runs[0].scenario.table
+    east = [run.cna[:, 0] for run in runs]
+    north = [run.cna[:, 1] for run in runs]
+    heading = [run.cna[:, 2] for run in runs]
+    turn_rate = [run.turn_rate for run in runs]
+    auv_east = [run.truth[..., 0] for run in runs]
+    auv_north = [run.truth[..., 1] for run in runs]
+    distance = [run.separation for run in runs]
+    condition = [run.condition for run in runs]
+    variables = {
+        "x": variable("aid vehicle, east", east, "m"),
+        "y": variable("aid vehicle, north", north, "m"),
+        "heading": variable("heading, counter-clockwise from east", heading, "rad"),
+        "turn_rate": variable("turn rate", turn_rate, "rad s-1"),
+        "auv_x": variable("AUV, east", auv_east, "m", auv=True),
+        "auv_y": variable("AUV, north", auv_north, "m", auv=True),
+        "distance": variable("aid vehicle to AUV", distance, "m", auv=True),
+        "condition": variable("predicted condition number", condition, "1", auv=True),
+    }
     return xr.Dataset(
-        {
-            "x": variable("aid vehicle, east", [run.cna[:, 0] for run in runs], "m"),
-            "y": variable("aid vehicle, north", [run.cna[:, 1] for run in runs], "m"),
-            "heading": variable(
-                "heading, counter-clockwise from east", [run.cna[:, 2] for run in runs], "rad"
-            ),
-            "turn_rate": variable("turn rate", [run.turn_rate for run in runs], "rad s-1"),
-            "auv_x": variable("AUV, east", [run.truth[..., 0] for run in runs], "m", auv=True),
-            "auv_y": variable("AUV, north", [run.truth[..., 1] for run in runs], "m", auv=True),
-            "distance": variable(
-                "aid vehicle to AUV", [run.separation for run in runs], "m", auv=True
-            ),
-            "condition": variable(
-                "predicted condition number", [run.condition for run in runs], "1", auv=True
-            ),
-        },
+        variables,
         coords={"time": ("time", runs[0].time, {"units": "s"}), "auv": runs[0].names},
         attrs={
             "speed": table.cna.speed,

@@ -131,22 +131,24 @@ def found_random(data: "xr.Dataset") -> Finding:
     monotone = sum(claims.is_monotone(d[i], s, slack=0.0) for i, (s, _) in enumerate(starts))
     passed = [i for i, (s, _) in enumerate(starts) if s < 0 and d[i].argmin() < d.shape[1] - 1]
     expected = np.array([claims.nearest_pass(*starts[i], data.min_turn_radius) for i in passed])
-    nearest, through = d[passed].min(axis=1), expected == 0.0
+    nearest = d[passed].min(axis=1)
+    through = expected == 0.0
     inward = sum(s < 0 for s, _ in starts)
+    fallen = nearest[through].max(initial=0.0)
+    farthest = nearest.max(initial=0.0)
+    misfit = np.abs(nearest - expected).max(initial=0.0)
+    radius = data.min_turn_radius
     return Finding(
-        agrees=None
-        if monotone == len(starts) and nearest[through].max(initial=0.0) < NEAR
-        else False,
+        agrees=None if monotone == len(starts) and fallen < NEAR else False,
         sentence=(
             f"The distance is monotone as claimed, at every step, in {monotone} of {len(starts)} "
             f"random starts, {len(starts) - inward} outward and {inward} inward. {through.sum()} "
             f"of the {len(passed)} inward ones that arrive within {data.time[-1]:.0f} s fall to "
-            f"{nearest[through].max(initial=0.0):.3f} m or less; the others do not fall to zero: "
-            f"a start with |s| < {data.min_turn_radius:g} m passes at {data.min_turn_radius:g} m "
-            f"- |s|, here up to {nearest.max(initial=0.0):.2f} m (closed form met to "
-            f"{np.abs(nearest - expected).max(initial=0.0):.2f} m). From d² = d0² + 2Vs0t, the "
-            f"limit of short steps, the distance differs by {involute_error(data):.2f} m at most "
-            f"at {data.time_step:g} s a step."
+            f"{fallen:.3f} m or less; the others do not fall to zero: a start with |s| < "
+            f"{radius:g} m passes at {radius:g} m - |s|, here up to {farthest:.2f} m (closed form "
+            f"met to {misfit:.2f} m). From d² = d0² + 2Vs0t, the limit of short steps, the "
+            f"distance differs by {involute_error(data):.2f} m at most at {data.time_step:g} s a "
+            "step."
         ),
     )
 
@@ -157,12 +159,8 @@ def involute_error(data: "xr.Dataset") -> float:
     for d, (s, b) in zip(first_distance(data), first_offsets(data), strict=True):
         holds = time < claims.unclipped(s, b, data.min_turn_radius, data.speed)
         if abs(b) >= data.min_turn_radius:
-            error = max(
-                error,
-                np.abs(d - claims.involute_distance(time, s, b, data.speed))[holds].max(
-                    initial=0.0
-                ),
-            )
+            apart = np.abs(d - claims.involute_distance(time, s, b, data.speed))
+            error = max(error, apart[holds].max(initial=0.0))
     return float(error)
 
 

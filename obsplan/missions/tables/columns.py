@@ -19,6 +19,8 @@ _ANGLE |= dict.fromkeys(("n", "e", "°n", "°e", "degrees north", "degrees east"
 _MINUTES = dict.fromkeys(("min", "minutes", "'"), 1.0)
 _SECONDS = dict.fromkeys(("s", "sec", "seconds", '"'), 1.0)
 _TEXT = {"": 1.0}
+_TRACK = ("track", "line", "leg", "route", "vehicle", "auv")
+_TRACK += ("track name", "line name", "track id", "line id", "vehicle id")
 
 # for each role, the headings that have it, unit and case aside, and the units they may be in
 _ROLES = {
@@ -34,13 +36,9 @@ _ROLES = {
     "speed": (("speed", "sog", "velocity"), _SPEED),
     "hold": (("hold", "hold time", "wait", "dwell", "loiter time"), _TIME),
     "time": (("time", "datetime", "date time", "timestamp", "utc"), _TIME),
-    "track": (
-        (
-            *("track", "line", "leg", "route", "vehicle", "auv"),
-            *("track name", "line name", "track id", "line id", "vehicle id"),
-        ),
-        _TEXT,
-    ),
+}
+_ROLES |= {
+    "track": (_TRACK, _TEXT),
     "name": (("name",), _TEXT),
     "wkt": (("wkt", "geometry", "geom", "the geom", "wkt geom"), _TEXT),
     "kind": (("kind", "type"), _TEXT),
