@@ -1,13 +1,14 @@
 """What was recorded of a mission, and what follows from it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float, Integer
 
-from formulations.certified_bound import InformationBound, information_bound
+from formulations.certified_bound import InformationBound
 from formulations.consistency import effective_samples
 from formulations.cramer_rao import (
     position_rms,
@@ -19,6 +20,7 @@ from formulations.solution import Status
 from obsplan.constraints import LimitHistory
 from obsplan.estimators import Process
 from obsplan.estimators.jacobian import informations, predictions, transitions
+from obsplan.kept_bounds import KEPT
 from obsplan.planners import name_of
 from obsplan.scenario import Scenario
 from obsplan.scenario.states import first_covariance, noise
@@ -27,6 +29,8 @@ from obsplan.types import ObsplanError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+Progress = Callable[[float, int], None]  # done, in all
 
 GAINS = {Range: range_information, SquaredRange: squared_range_information}
 
@@ -65,6 +69,7 @@ class Run:
     score: Float[np.ndarray, " samples"]  # the planner's own objective
     status: Float[np.ndarray, " samples"]  # code of a Status; nan without a decision
     timing: Timing = field(repr=False)
+    bounded: bool = True  # whether the certified bound is asked for, where figures are
 
     def __repr__(self) -> str:
         auvs = len(self.truth)
@@ -185,6 +190,8 @@ class Run:
     @property
     def unbounded(self) -> str:
         """Why there is no certified bound; empty where there is one."""
+        if not self.bounded:
+            return "no bound over all paths was asked for"
         sensor = type(self.scenario.range_sensor)
         if sensor in GAINS:
             return ""
@@ -207,8 +214,30 @@ class Run:
         ObsplanError
             There is none, and why; see `unbounded`.
         """
+        return self.certify()
+
+    def certify(self, progress: Progress | None = None) -> tuple[InformationBound, ...]:
+        """Find the `information_bounds`, unless they are known, and say how far that is.
+
+        Parameters
+        ----------
+        progress
+            Called with (done, in all) as it goes on, in AUVs.
+
+        Raises
+        ------
+        ObsplanError
+            As `information_bounds`.
+        """
         if self.unbounded:
             raise ObsplanError(self.unbounded)
+        derived = vars(self)  # where a cached property keeps its value
+        if "information_bounds" not in derived:
+            derived["information_bounds"] = self._certified(progress or (lambda _done, _all: None))
+        return derived["information_bounds"]
+
+    def _certified(self, progress: Progress) -> tuple[InformationBound, ...]:
+        auvs = len(self.names)
         pings, J = self.scenario.pings, self._compass_information()
         parts = zip(
             self._first_covariance,
@@ -217,10 +246,11 @@ class Run:
             self._least_sigma(),
             strict=True,
         )
-        return tuple(
-            information_bound(P0, F, Q, J, pings=pings - 1, sigma=sigma)
-            for P0, F, Q, sigma in parts
-        )
+        bounds = []
+        for i, (P0, F, Q, sigma) in enumerate(parts):
+            tell = partial(_tell, progress, i, auvs)
+            bounds.append(KEPT.bound(P0, F, Q, J, pings=pings - 1, sigma=sigma, progress=tell))
+        return tuple(bounds)
 
     def _least_sigma(self) -> Float[np.ndarray, "auvs pings"]:
         """Smallest standard deviation [m] of a range that any path reaches at each ping."""
@@ -264,7 +294,7 @@ class Run:
     def summary(self, *, bounds: bool = True) -> dict[str, Any]:
         """Figures of merit over all AUVs and per AUV, in metres.
 
-        ``bounds`` adds the certified bound, a second or two per AUV. Where there is none,
+        ``bounds`` adds the certified bound, most of the work. Where there is none,
         ``unbounded`` says why.
         """
         from obsplan import __version__
@@ -285,19 +315,16 @@ class Run:
     def _figures(self, auvs: slice, bounds: bool) -> dict[str, float | None]:
         nees, separation = self.nees[auvs], self.separation[auvs]
         achieved = np.sqrt(np.mean(position_rms(self.cramer_rao[auvs]) ** 2))
-        bound = np.nan
+        bound, efficiency = np.nan, np.nan
         if bounds and not self.unbounded:
             bound = np.sqrt(np.mean([b.bound for b in self.information_bounds[auvs]]))
+            efficiency = bound / achieved if achieved > 0 else 1.0
         figures = {
             "rms_error_m": np.sqrt(np.mean(self.error[auvs] ** 2)),
             "max_error_m": self.error[auvs].max(),
             "mean_nees": np.nan if np.isnan(nees).all() else np.nanmean(nees),
             "pcrb_rms_m": achieved,
-            **(
-                {"bound_rms_m": bound, "efficiency": bound / achieved if achieved > 0 else 1.0}
-                if bounds
-                else {}
-            ),
+            **({"bound_rms_m": bound, "efficiency": efficiency} if bounds else {}),
             "separation_mean_m": separation.mean(),
             "separation_max_m": separation.max(),
             **(
@@ -321,6 +348,11 @@ class Run:
 def by_auv(a: np.ndarray) -> np.ndarray:
     """Swap the axes of samples and AUVs."""
     return np.ascontiguousarray(a.swapaxes(0, 1))
+
+
+def _tell(progress: Progress, done: int, auvs: int, share: float) -> None:
+    """Say that this share is done of one more AUV."""
+    progress(done + share, auvs)
 
 
 def record(

@@ -104,6 +104,20 @@ def test_summary_agrees_with_tracks(small):
 
 
 @pytest.mark.slow
+def test_bound_is_left_out_if_asked_to_and_that_is_said(small):
+    said = "No bound over all paths was asked for"
+    done = obsplan("run", "small.toml", "--no-bound", "--out", "a", cwd=small)
+    assert said in done.stdout
+    summary = json.loads((small / "a" / "summary.json").read_text())
+    assert summary["all"]["bound_rms_m"] is None
+    line = ("compare", "small.toml", "--planners", "circle", "--no-bound", "--out", "c")
+    assert said in obsplan(*line, cwd=small).stdout
+    (row,) = csv.DictReader((small / "c" / "compare.csv").read_text().splitlines())
+    assert row["bound_rms_m"] == row["efficiency"] == ""
+    assert row["pcrb_rms_m"]
+
+
+@pytest.mark.slow
 def test_compare_ranks_planners_under_the_same_noise(small):
     done = obsplan(
         "compare",

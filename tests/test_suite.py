@@ -210,6 +210,14 @@ def test_suite_is_written_without_what_differs_between_machines(two, tmp_path):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "other" / name).read_bytes()
 
 
+def test_where_no_bound_was_asked_for_there_is_a_dash(two):
+    nothing = float("nan")
+    result = read_suite(two, {"a": nothing, "b": nothing}, {"good": 1.0, "bad": 2.0})
+    for shown in (suite_table(result), scenario_table(result)):
+        (efficiency,) = (column for column in shown.columns if str(column.header) == "Efficiency")
+        assert {str(cell) for cell in efficiency.cells} == {"–"}
+
+
 def test_figure_marks_the_best_in_bold(two):
     axes = suite_figure(read_suite(two, {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0})).axes[0]
     bold = [text.get_text() for text in axes.texts if text.get_weight() == "bold"]

@@ -53,6 +53,12 @@ Settings = Annotated[
 Out = Annotated[
     Path | None, typer.Option("--out", help="Folder to make; default: ./NAME, then ./NAME-2, ...")
 ]
+NoBound = Annotated[
+    bool,
+    typer.Option(
+        "--no-bound", help="Leave out the certified bound over all paths, costly in long missions."
+    ),
+]
 
 
 def named(planners: str | None) -> list[str]:

@@ -124,7 +124,13 @@ def campaign_report(
 
 
 def compare_suite(
-    planners: list[str], runs: int, seed: int | None, settings: list[str], out: Path
+    planners: list[str],
+    runs: int,
+    seed: int | None,
+    settings: list[str],
+    out: Path,
+    *,
+    bounded: bool,
 ) -> None:
     """Fly a campaign of planners over the suite, and say who wins where.
 
@@ -133,6 +139,7 @@ def compare_suite(
     from obsplan.campaign import load_campaign, plan_cells
     from obsplan.campaign.suite import missions_of, read_suite, yardsticks
     from obsplan.report import scenario_table, suite_sentences, suite_table, write_suite
+    from obsplan.report.words import NO_BOUND
     from obsplan.scenario import suite
 
     cells = plan_cells(suite(), planners=planners, vary=settings, runs=runs, seed=seed)
@@ -140,12 +147,12 @@ def compare_suite(
     table = missions_of(cells, load_campaign(out), out)
     settings = [*settings, *([] if seed is None else [f"seed={seed}"])]
     with keeping(out), progress("bounds and decision times") as advance:
-        bounds, times = yardsticks(suite(), planners, settings, advance)
+        bounds, times = yardsticks(suite(), planners, settings, advance, bounded=bounded)
     result = read_suite(table, bounds, times)
     files = write_suite(result, out)
     show(suite_table(result))
     show(scenario_table(result))
-    for sentence in suite_sentences(result):
+    for sentence in (*suite_sentences(result), *([] if bounded else [NO_BOUND])):
         say(sentence)
     say_written(out, f"{', '.join(files)}, campaign.csv")
     if failed:

@@ -1,11 +1,23 @@
 """Commands on one survey: fly it, compare planners on it, make it; and lists of what there is."""
 
+from dataclasses import replace
+from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from obsplan.cli.arguments import Out, PlannerName, Planners, ScenarioName, Seed, Settings, named
+from obsplan.cli.arguments import (
+    NoBound,
+    Out,
+    PlannerName,
+    Planners,
+    ScenarioName,
+    Seed,
+    Settings,
+    named,
+)
 from obsplan.cli.campaigns import compare_suite
 from obsplan.cli.progress import Advance, progress
 from obsplan.cli.terminal import keeping, put, say, say_next, say_written, show
@@ -20,6 +32,7 @@ def run(
     seed: Seed = None,
     settings: Settings = None,
     out: Out = None,
+    no_bound: NoBound = False,
 ) -> None:
     """Simulate a survey: plan the aid vehicle's path, estimate, report, write files to load."""
     from obsplan.report import (
@@ -41,6 +54,10 @@ def run(
     free_folder(out, name)  # a folder that cannot be made is refused before anything is flown
     with progress(f"{name}, {loaded.table.planner.kind}") as advance:
         flown = simulate(loaded, seed=seed, progress=advance)
+    flown = replace(flown, bounded=not no_bound)
+    if not flown.unbounded:
+        with progress(f"{name}, certified bound") as advance:
+            flown.certify(advance)
     with progress(f"{name}, path as loaded") as advance:
         export = make_export(flown, progress=advance)
     folder = write_free(out, name, lambda folder: write_run(flown, folder, export))
@@ -61,6 +78,7 @@ def compare(
     seed: Seed = None,
     settings: Settings = None,
     out: Out = None,
+    no_bound: NoBound = False,
 ) -> None:
     """Compare planners on one scenario under the same noise, or on the whole `suite` of them."""
     from obsplan.planners import PLANNERS, SLOW
@@ -71,12 +89,12 @@ def compare(
         write_comparison,
         write_free,
     )
-    from obsplan.report.words import title
+    from obsplan.report.words import NO_BOUND, title
     from obsplan.scenario import load
 
     names = named(planners) or [name for name in PLANNERS if name not in SLOW]
     if scenario == "suite":
-        compare_suite(names, runs, seed, settings or [], out or Path("suite"))
+        compare_suite(names, runs, seed, settings or [], out or Path("suite"), bounded=not no_bound)
         return
     loaded = {
         name: load(scenario, planner=name, settings=settings or ()) for name in dict.fromkeys(names)
@@ -86,33 +104,40 @@ def compare(
     free_folder(out, name)  # a folder that cannot be made is refused before anything is flown
     first = table.seed if seed is None else seed
     with progress(f"{table.name}, {len(loaded)} planners") as advance:
-        rows = compared(loaded, range(first, first + runs), advance)
+        rows = compared(loaded, range(first, first + runs), advance, bounded=not no_bound)
     heading = f"{title(table.name)}, {runs} run{'s' * (runs > 1)} each"
     folder = write_free(out, name, lambda folder: write_comparison(rows, folder, title=heading))
     show(compare_table(rows))
-    for sentence in comparison_sentences(rows):
+    for sentence in (*comparison_sentences(rows), *([NO_BOUND] if no_bound else [])):
         say(sentence)
     say_written(folder, "compare.csv, compare.png")
 
 
 def compared(
-    scenarios: dict[str, "Scenario"], seeds: range, advance: Advance
+    scenarios: dict[str, "Scenario"], seeds: range, advance: Advance, *, bounded: bool
 ) -> list[dict[str, Any]]:
-    """Figures of merit of each planner's scenario under each seed."""
+    """Figures of merit of each planner's scenario under each seed.
+
+    Missions of one seed follow each other, so that they share its certified bound.
+    """
     from obsplan.simulation import simulate
 
-    rows: list[dict[str, Any]] = []
+    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in scenarios}
     total = len(seeds) * len(scenarios)
-    for name, scenario in scenarios.items():
-        for number in seeds:
-            flown = simulate(
-                scenario,
-                seed=number,
-                progress=lambda done, steps: advance(len(rows) + done / steps, total),
-            )
-            rows.append({"planner": name, "seed": number, **flown.summary()["all"]})
-            advance(len(rows), total)
-    return rows
+    missions = product(seeds, scenarios.items())
+    for before, (number, (name, scenario)) in enumerate(missions):
+        half = partial(tell_half, advance, before, total)
+        flown = replace(simulate(scenario, seed=number, progress=half), bounded=bounded)
+        if not flown.unbounded:
+            flown.certify(partial(tell_half, advance, before + 0.5, total))
+        rows[name].append({"planner": name, "seed": number, **flown.summary()["all"]})
+        advance(before + 1, total)
+    return [row for of_planner in rows.values() for row in of_planner]
+
+
+def tell_half(advance: Advance, before: float, total: int, done: float, steps: int) -> None:
+    """Say how far a mission is, whose flight is one half of the work and whose bound the other."""
+    advance(before + 0.5 * done / steps, total)
 
 
 def thesis(

@@ -13,7 +13,7 @@ from obsplan.campaign.statistics import fewest_pairs
 from obsplan.campaign.suite import Suite, beyond_chance
 from obsplan.constraints import ROUNDING
 from obsplan.files import write_atomically
-from obsplan.report.tables import violation_cell
+from obsplan.report.tables import cell, violation_cell
 from obsplan.report.words import marked, metres, title
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def suite_table(suite: Suite) -> "Table":
             f"{row.mean_ratio:.2f}",
             f"{row.worst_ratio:.2f}",
             str(row.worst_scenario),
-            f"{row.efficiency:.2f}",
+            share(row.efficiency),
         )
         table.add_row(
             marked(str(row.planner), bool(row.broke)),
@@ -109,8 +109,13 @@ def scenario_table(suite: Suite) -> "Table":
         others = cells[cells["planner"] != first].dropna(subset=["rms_error_m"])
         error = marked(f"{own.rms_error_m:.2f}", bool(own.broke))
         rival = rival_cells(own, others)
-        table.add_row(str(name), error, *rival, f"{own.efficiency:.2f}")
+        table.add_row(str(name), error, *rival, share(own.efficiency))
     return table
+
+
+def share(efficiency: float) -> str:
+    """An efficiency, or a dash where there is no bound."""
+    return cell(None if np.isnan(efficiency) else efficiency, 2)
 
 
 def rival_cells(own: "pd.Series", others: "pd.DataFrame") -> tuple[str, str, str, str]:
@@ -150,8 +155,8 @@ def suite_figure(suite: Suite) -> "Figure":
     image = axes.imshow(ratio, norm=LogNorm(1.0, SHOWN_WORST), cmap="YlOrBr", aspect="auto")
     for i, scenario in enumerate(scenarios):
         for j, planner in enumerate(planners):
-            cell = grid.loc[scenario].xs(planner, level="planner")
-            write_error(axes, (j, i), cell)
+            square = grid.loc[scenario].xs(planner, level="planner")
+            write_error(axes, (j, i), square)
     axes.set_xticks(range(len(planners)), planners, rotation=30, ha="right")
     axes.set_yticks(range(len(scenarios)), [title(scenario) for scenario in scenarios])
     axes.grid(visible=False)
@@ -163,11 +168,11 @@ def suite_figure(suite: Suite) -> "Figure":
     return figure
 
 
-def write_error(axes: "Axes", place: tuple[int, int], cell: "pd.Series") -> None:
+def write_error(axes: "Axes", place: tuple[int, int], square: "pd.Series") -> None:
     """Write a planner's error into its square: bold if it ties, marked if it broke a limit."""
-    number = marked(f"{cell['rms_error_m']:.2f}", bool(cell["broke"] == 1))
-    weight = "bold" if cell["ties"] == 1 else "normal"
-    colour = "white" if cell["ratio"] > SHOWN_WORST / 2 else "black"
+    number = marked(f"{square['rms_error_m']:.2f}", bool(square["broke"] == 1))
+    weight = "bold" if square["ties"] == 1 else "normal"
+    colour = "white" if square["ratio"] > SHOWN_WORST / 2 else "black"
     axes.text(*place, number, ha="center", va="center", fontsize=8, weight=weight, color=colour)
 
 

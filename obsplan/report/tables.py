@@ -49,7 +49,7 @@ def run_table(run: Run) -> Table:
 
 
 def run_html(run: Run) -> str:
-    """Tabulate the same in HTML, without the certified bound, which takes a second per AUV."""
+    """Tabulate the same in HTML, without the certified bound, which takes a while."""
     summary = run.summary(bounds=False)
     columns = [key for key in COLUMNS if key in summary["all"]]
     rows = dict(summary["auv"])

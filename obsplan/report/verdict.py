@@ -8,7 +8,16 @@ from jaxtyping import Float
 from formulations.consistency import mean_nees_interval
 from formulations.solution import Status
 from obsplan.constraints import LimitHistory
-from obsplan.report.words import after, capital, clock, limit_name, metres, moment, percent
+from obsplan.report.words import (
+    NO_BOUND,
+    after,
+    capital,
+    clock,
+    limit_name,
+    metres,
+    moment,
+    percent,
+)
 from obsplan.run import Run
 from obsplan.scenario.states import BASIC
 
@@ -82,7 +91,9 @@ def planner_notes(run: Run) -> list[str]:
 def _own_notes(run: Run) -> list[str]:
     """What planners and bounds take for granted of ranges and states that are a user's own."""
     scenario, notes = run.scenario, []
-    if run.unbounded:
+    if not run.bounded:
+        notes.append(NO_BOUND)
+    elif run.unbounded:
         unit = "m^2" if scenario.ranging_kind == "squared-range" else "m"
         sigma = f"{scenario.range_sensor.sigma:g} {unit}"
         notes.append(f"Planners count on ranges that err by {sigma} everywhere; {run.unbounded}.")

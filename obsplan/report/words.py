@@ -5,6 +5,8 @@ import re
 from obsplan.constraints import LimitHistory
 from obsplan.run import Run
 
+NO_BOUND = "No bound over all paths was asked for: how much better any could be is not known."
+
 
 def metres(value: float) -> str:
     """A length to three figures or so."""
