@@ -100,6 +100,9 @@ def test_only_the_same_request_goes_on_in_a_folder_and_only_until_it_is_complete
     with monkeypatch.context() as changed:
         changed.setattr("obsplan.__version__", "999.0")
         assert free_or_begun(None, **asked) == Path("thesis-2")
+    with monkeypatch.context() as changed:
+        changed.setattr("obsplan.thesis.page.code_hash", lambda *_: "of another planner")
+        assert free_or_begun(None, **asked) == Path("thesis-2")
     write_thesis(asked["names"], "thesis", runs=2)
     assert free_or_begun(None, **asked) == Path("thesis-2")
     with pytest.raises(op.ObsplanError, match="thesis exists and is not overwritten"):

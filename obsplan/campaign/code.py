@@ -1,7 +1,7 @@
 """The code that flies, as one number: results of one planner are never taken for another's."""
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -14,22 +14,24 @@ FLIES = ("obsplan/campaign/worker.py",)  # though its folder stands apart
 
 
 @cache
-def code_hash() -> str:
+def code_hash(*besides: str) -> str:
     """SHA-256 of the sources that can change what a mission gives; read once per process.
 
     These are all of ``formulations`` and of ``obsplan`` all but what starts missions, reads their
     surveys, keeps, draws or tells of them: `APART`. A mission file and a shipped scenario decide a
     mission too, but stand, resolved, in the cell's content. Versions of other packages do not
-    count.
+    count. ``besides`` are folders that stand apart and shall count, too.
     """
     packages = {name: Path(str(files(name))) for name in APART}
-    return hash_of(packages)
+    return hash_of(packages, besides)
 
 
-def hash_of(packages: Mapping[str, Path]) -> str:
+def hash_of(packages: Mapping[str, Path], besides: Collection[str] = ()) -> str:
     """SHA-256 of the sources of packages in these folders, wherever they lie."""
     found = {
-        name: path for package, root in packages.items() for name, path in sources(package, root)
+        name: path
+        for package, root in packages.items()
+        for name, path in sources(package, root, besides)
     }
     digest = hashlib.sha256()
     for name in sorted(found):
@@ -39,10 +41,11 @@ def hash_of(packages: Mapping[str, Path]) -> str:
     return digest.hexdigest()
 
 
-def sources(package: str, root: Path) -> Iterator[tuple[str, Path]]:
+def sources(package: str, root: Path, besides: Collection[str] = ()) -> Iterator[tuple[str, Path]]:
     """Names below the package and paths of its sources that fly."""
     for path in root.rglob("*.py"):
         below = path.relative_to(root)
         name = f"{package}/{below.as_posix()}"
-        if below.parts[0] not in APART[package] or name in FLIES:
+        apart = below.parts[0] in APART[package] and below.parts[0] not in besides
+        if not apart or name in FLIES:
             yield name, path

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import obsplan
+from obsplan.campaign.code import code_hash
 from obsplan.files import write_atomically
 from obsplan.report.files import as_json, check_free, free_folder, numbered, table_csv
 from obsplan.thesis.item import Finding, Item
@@ -67,7 +68,7 @@ def write_thesis(
     names
         Of items, or ``all``.
     folder
-        Made unless it was begun by the same call of the same version.
+        Made unless it was begun by the same call of the same version and code.
     runs
         Noise seeds of tables and studies, and at most so many random starts of figures.
     seed
@@ -118,8 +119,13 @@ def free_or_begun(
 
 def request(items: list[Item], *, runs: int, seed: int) -> Record:
     """What is asked for, in the words of the record."""
-    names = [item.name for item in items]
-    return {"version": obsplan.__version__, "runs": runs, "seed": seed, "items": names}
+    return {
+        "version": obsplan.__version__,
+        "code": code_hash("thesis", "report"),
+        "runs": runs,
+        "seed": seed,
+        "items": [item.name for item in items],
+    }
 
 
 def begun(folder: Path, asked: Record) -> Record | None:
