@@ -21,7 +21,7 @@ MOST_COARSE = 20  # of these for each item: with more, the items are not enough 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Room:
+class Allowance:
     """What an autopilot takes, and how near to the path it has to stay.
 
     Raises
@@ -44,7 +44,7 @@ class Room:
             if not 0 < (value := getattr(self, name)) < np.inf:
                 raise ValueError(f"{name} must be positive and finite [{unit}], got {value}")
 
-    def times(self, factor: float) -> "Room":
+    def times(self, factor: float) -> "Allowance":
         """The same with larger tolerances."""
         return replace(self, tolerance=self.tolerance * factor, timing=self.timing * factor)
 
@@ -124,45 +124,47 @@ class FlownPath:
         away = np.hypot(*(self.points - self.points[0]).T) >= max(spacing, STANDING)
         return np.array([0, *np.flatnonzero(away)[-1:]])
 
-    def waypoints(self, room: Room) -> Integer[np.ndarray, " k"] | None:
+    def waypoints(self, allowance: Allowance) -> Integer[np.ndarray, " k"] | None:
         """The fewest samples whose legs fit, from the first to the last; None if there are none."""
-        possible = self._possible(room)
+        possible = self._possible(allowance)
         if possible is None:
             return None
-        i, j, cost = self._legs(possible, room)
+        i, j, cost = self._legs(possible, allowance)
         return _shortest(possible, i, j, cost)
 
-    def _possible(self, room: Room) -> Integer[np.ndarray, " m"] | None:
+    def _possible(self, allowance: Allowance) -> Integer[np.ndarray, " m"] | None:
         """Samples that may be waypoints; None where they are too many for the items.
 
         The line through them is the path to a `COARSE` share of the tolerances.
         """
         chosen, reach = [0], 1
         while chosen[-1] < len(self.points) - 1:
-            reach = self._reach(chosen[-1], reach, room.times(COARSE))
+            reach = self._reach(chosen[-1], reach, allowance.times(COARSE))
             chosen.append(chosen[-1] + reach)
-            if len(chosen) > MOST_COARSE * room.items:
+            if len(chosen) > MOST_COARSE * allowance.items:
                 return None
         return np.array(chosen)
 
-    def _reach(self, i: int, guess: int, room: Room) -> int:
+    def _reach(self, i: int, guess: int, allowance: Allowance) -> int:
         """How many samples fit on a leg from sample i, at most, by doubling and halving."""
         most = len(self.points) - 1 - i
         low, high = 1, min(guess, most) + 1
-        while high <= most and self._fits(i, i + high, room):
+        while high <= most and self._fits(i, i + high, allowance):
             low, high = high, min(2 * high, most + 1)
         while high - low > 1:
             middle = (low + high) // 2
-            low, high = (middle, high) if self._fits(i, i + middle, room) else (low, middle)
+            low, high = (middle, high) if self._fits(i, i + middle, allowance) else (low, middle)
         return low
 
-    def _fits(self, i: int, j: int, room: Room) -> bool:
+    def _fits(self, i: int, j: int, allowance: Allowance) -> bool:
         """Whether all samples on the way are within the tolerances of a leg, half of the time's."""
         distance, late = self.misfit(np.array(i), np.array(j), np.arange(i + 1, j))
-        return bool((distance <= room.tolerance).all() and (late <= room.timing / 2).all())
+        near = (distance <= allowance.tolerance).all()
+        in_time = (late <= allowance.timing / 2).all()
+        return bool(near and in_time)
 
     def _legs(
-        self, possible: Integer[np.ndarray, " m"], room: Room
+        self, possible: Integer[np.ndarray, " m"], allowance: Allowance
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Legs that fit: where they begin and end, and their squared deviations.
 
@@ -171,7 +173,7 @@ class FlownPath:
         farther end is looked at. Of what lies between the ends of long legs only a part is looked
         at: whether a mission fits is measured in the end.
         """
-        room = room.times(1.0 - COARSE)
+        allowance = allowance.times(1.0 - COARSE)
         found = []
         begin = np.arange(len(possible) - 1)
         for ahead in _aheads(len(possible)):
@@ -183,14 +185,14 @@ class FlownPath:
             between = possible[begin[:, None] + inner]
             distance, late = self.misfit(i[:, None], j[:, None], between)
             distance, late = distance.max(axis=1, initial=0.0), late.max(axis=1, initial=0.0)
-            long = np.hypot(*(self.points[j] - self.points[i]).T) >= room.spacing
-            fits = long & (distance <= room.tolerance) & (late <= room.timing / 2)
+            long = np.hypot(*(self.points[j] - self.points[i]).T) >= allowance.spacing
+            fits = long & (distance <= allowance.tolerance) & (late <= allowance.timing / 2)
             fits[fits] = self._permitted(i[fits], j[fits])
             found.append(np.array([begin, begin + ahead, distance**2])[:, fits])
-            near = (distance <= 2 * room.tolerance) & (late <= room.timing)
+            near = (distance <= 2 * allowance.tolerance) & (late <= allowance.timing)
             begin = begin[near | ~long]
         i, j, cost = np.concatenate(found, axis=1)
-        return i.astype(int), j.astype(int), cost / room.tolerance**2
+        return i.astype(int), j.astype(int), cost / allowance.tolerance**2
 
     def _permitted(
         self, i: Integer[np.ndarray, " legs"], j: Integer[np.ndarray, " legs"]
