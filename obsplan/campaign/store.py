@@ -226,7 +226,7 @@ def row_of(cell: int, outcome: Outcome) -> tuple[Any, ...]:
 def no_store(folder: Path, otherwise: str, remedy: str) -> ObsplanError:
     """What is wrong with a folder that has no store.
 
-    That it was moved, where a campaign's table is left; else what ``otherwise`` says.
+    Where a campaign's table is left, the store was moved; else it is what ``otherwise`` says.
     """
     if any((folder / name).exists() for name in TABLES):
         return ObsplanError(

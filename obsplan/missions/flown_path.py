@@ -86,7 +86,7 @@ class FlownPath:
         return float(np.max(moved / (self.arrive[1:] - self.depart[:-1]), initial=0.0))
 
     def misfit(self, i: np.ndarray, j: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distance [m] of samples k from the legs i to j, and a vehicle's delay [s] on the leg."""
+        """Distance [m] of samples k from the legs i to j, and how far off [s] a vehicle is."""
         share, distance = self._beside(i, j, k)
         due = self.depart[i] + share * (self.arrive[j] - self.depart[i])
         return distance, np.maximum(abs(self.arrive[k] - due), abs(self.depart[k] - due))

@@ -1,4 +1,4 @@
-"""A run's path as a mission for an autopilot, and what it costs to sail it without deciding."""
+"""A run's path as a mission for an autopilot, and what it costs to sail it open loop."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -177,9 +177,9 @@ def ellipses(
 def apart(
     shapes: Float[np.ndarray, "n 49 2"], center: Float[np.ndarray, "n 2"], smallest: float
 ) -> list[int]:
-    """Which ellipses to draw: those large enough [m] that differ from the one drawn before.
+    """Which ellipses to draw: those large enough [m] that do not hide the one drawn before.
 
-    Neither hides the other.
+    They must not be much like it, either.
     """
     size = np.linalg.norm(shapes - center[:, None], axis=-1).max(axis=-1)
     drawn: list[int] = []
