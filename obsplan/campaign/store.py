@@ -50,9 +50,8 @@ LAYOUT = (
         "       PRIMARY KEY (cell, seed)) WITHOUT ROWID"
     ),
 )
-FORMAT = (
-    zlib.crc32("".join(LAYOUT).encode()) >> 1
-)  # how the file says that it is ours, and in this layout
+# how the file says that it is ours, and in this layout
+FORMAT = zlib.crc32("".join(LAYOUT).encode()) >> 1
 COLUMNS = ("cell", "seed", "error", *FIGURES, "auv", "status_counts")
 ANEW = ", ".join(f"{name} = excluded.{name}" for name in COLUMNS[2:])
 # a success stays; a failure gives way to the next attempt

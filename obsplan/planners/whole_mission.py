@@ -265,9 +265,8 @@ class Limits:
             np.ascontiguousarray(self.frame.world(positions)),
         )
         at = (time / filed.time_step + self.first).round().astype(int).clip(max=filed.time.size - 1)
-        auvs = np.moveaxis(filed.position, 1, 0)[
-            :, at, None
-        ]  # one after the other: each needs a margin of its own at each time
+        # one after the other: each needs a margin of its own at each time
+        auvs = np.moveaxis(filed.position, 1, 0)[:, at, None]
         apart = [
             limits.separation_violation(world, auv) + margin
             for auv, margin in zip(auvs, self._margin[:, at], strict=True)

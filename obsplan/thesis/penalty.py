@@ -177,9 +177,8 @@ def compute_gamma(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001
     import xarray as xr
 
     b, s = LEG_START
-    measured = np.array(
-        [[flown_leg(gamma, SHORT_STEP / k) for gamma in GAMMAS] for k in (1, 2)]
-    )  # (step, γ, duration | farthest)
+    # (step, γ, duration | farthest)
+    measured = np.array([[flown_leg(gamma, SHORT_STEP / k) for gamma in GAMMAS] for k in (1, 2)])
     exact = np.array([claims.outward_leg(s, b, gamma=gamma, speed=1.0) for gamma in GAMMAS])
     shown = [
         fly(
