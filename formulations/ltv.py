@@ -15,9 +15,8 @@ from jaxtyping import Float
 from scipy.integrate import simpson
 
 EPS = float(np.finfo(float).eps)  # spacing of doubles at 1
-A = np.kron(
-    [[0.0, 1.0], [0.0, 0.0]], np.eye(2)
-)  # (3.2), (3.9): a position and its constant velocity
+# (3.2), (3.9): a position and its constant velocity
+A = np.kron([[0.0, 1.0], [0.0, 0.0]], np.eye(2))
 INTERVALS_PER_TURN = 1000  # of Simpson's rule: error below 1e-10 of the Gramian; even
 TOLERANCES = {"rtol": 1e-13, "atol": 1e-12}  # of python-control's simulation by DOP853
 

@@ -64,7 +64,7 @@ _ADVICE = {
         "a pose or a belief is not finite; the aid vehicle goes straight on; check the estimator"
     ),
     Status.SOLVER_FAILED: (
-        "the solver failed and a substitute is taken; check the scale of the problem"
+        "the solver failed and a fallback is taken; check the scale of the problem"
     ),
     Status.VIOLATED: (
         "no feasible candidate was found; the one that violates the limits least is taken; "

@@ -378,12 +378,10 @@ def record(
         truth=by_auv(carry.truth),
         mean=by_auv(carry.mean),
         covariance=by_auv(carry.covariance),
-        range=np.concatenate(
-            [missing, by_auv(log.range)[..., 0]], axis=1
-        ),  # measured at the step's end
-        condition=np.concatenate(
-            [by_auv(log.condition)[..., 0], missing], axis=1
-        ),  # decided at its beginning
+        # measured at the step's end
+        range=np.concatenate([missing, by_auv(log.range)[..., 0]], axis=1),
+        # decided at its beginning
+        condition=np.concatenate([by_auv(log.condition)[..., 0], missing], axis=1),
         score=np.append(log.score[:, 0, 0], np.nan),
         status=np.append(log.status[:, 0, 0], np.nan),
         timing=timing,

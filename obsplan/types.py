@@ -118,7 +118,7 @@ class Decision:
 
     @property
     def path(self) -> Float[np.ndarray, "steps 3"]:
-        """Predicted poses (east [m], north [m], heading [rad]), the current one first; lazy."""
+        """Predicted poses (east [m], north [m], heading [rad]), the current one first."""
         return self.predict()
 
     @property

@@ -9,7 +9,7 @@ import shapely
 
 from obsplan.missions import Track
 from obsplan.missions.export import simplify
-from obsplan.missions.flown_path import Room
+from obsplan.missions.flown_path import Allowance
 from obsplan.scenario import load
 from obsplan.simulation import simulate
 from obsplan.simulation.autopilot import Autopilot, FixedPath, in_wider_turns
@@ -95,7 +95,7 @@ def test_a_simplified_path_is_sailed_near_the_path_and_in_time():
     moves = 2.0 * STEP * np.stack([np.cos(middle), np.sin(middle)], axis=-1)
     places = np.vstack([[0.0, 0.0], np.cumsum(moves, axis=0)])
     flown = Track(points=places, time=STEP * np.arange(len(places)))
-    mission = simplify(flown, Room(tolerance=0.5, timing=1.0))
+    mission = simplify(flown, Allowance(tolerance=0.5, timing=1.0))
     _, poses = sail(mission.track, Pose(0.0, 0.0, 0.0), 400.0)
     astray = np.hypot(*(poses[:, :2] - places).T)
     assert astray.max() < 0.5 + 2.0 * (1.0 + 1.5)  # tolerance, timing, corners cut

@@ -10,7 +10,7 @@ import shapely
 from obsplan.constraints import Constraints, Disc, Polygon
 from obsplan.missions import Track
 from obsplan.missions.export import simplify
-from obsplan.missions.flown_path import Room
+from obsplan.missions.flown_path import Allowance
 from obsplan.missions.writers.items import mission_items
 
 SPEED = 2.0
@@ -76,8 +76,8 @@ def place_at(mission, time):
 @pytest.mark.parametrize(("tolerance", "spacing"), [(0.5, 2.0), (0.1, 0.0), (2.0, 5.0)])
 def test_path_keeps_to_its_tolerance_its_spacing_and_its_time(seed, tolerance, spacing):
     flown = sailed(wandering(seed))
-    room = Room(items=5000, spacing=spacing, tolerance=tolerance, timing=1.0)
-    mission = simplify(flown, room)
+    allowance = Allowance(items=5000, spacing=spacing, tolerance=tolerance, timing=1.0)
+    mission = simplify(flown, allowance)
     assert departure(flown, mission) == pytest.approx(mission.deviation, abs=1e-9)
     assert mission.deviation <= tolerance
     assert np.hypot(*np.diff(mission.track.points, axis=0).T).min() >= spacing
@@ -93,7 +93,7 @@ def test_a_circle_takes_no_more_waypoints_than_its_sagitta_asks_for():
     radius, tolerance = 30.0, 0.4
     angle = 2 * math.pi * 1.9
     flown = sailed(arc(radius, angle, 12001))
-    mission = simplify(flown, Room(tolerance=tolerance, spacing=2.0))
+    mission = simplify(flown, Allowance(tolerance=tolerance, spacing=2.0))
     least = math.ceil(angle / (2 * math.acos(1 - tolerance / radius)))
     legs = len(mission.track.points) - 1
     # a fiftieth of the tolerance goes into the choice of samples: sqrt(1 / 0.98) as many legs
@@ -103,7 +103,7 @@ def test_a_circle_takes_no_more_waypoints_than_its_sagitta_asks_for():
 def test_straight_legs_need_only_their_corners():
     corners = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 50.0], [-20.0, 50.0]])
     dense = [np.linspace(a, b, 400, endpoint=False) for a, b in itertools.pairwise(corners)]
-    mission = simplify(sailed(np.vstack([*dense, corners[-1:]])), Room())
+    mission = simplify(sailed(np.vstack([*dense, corners[-1:]])), Allowance())
     np.testing.assert_allclose(mission.track.points, corners, atol=1e-9)
     assert (mission.items, mission.deviation) == (6, pytest.approx(0.0, abs=1e-9))  # home, a speed
 
@@ -112,7 +112,7 @@ def test_fewest_waypoints_are_as_few_as_trying_all_ways_finds():
     points = wandering(5, samples=120)
     flown = sailed(points)
     tolerance = 0.5
-    mission = simplify(flown, Room(tolerance=tolerance, spacing=2.0, timing=100.0))
+    mission = simplify(flown, Allowance(tolerance=tolerance, spacing=2.0, timing=100.0))
 
     def fits(i, j):
         leg = shapely.LineString(points[[i, j]])
@@ -131,20 +131,20 @@ def test_fewest_waypoints_are_as_few_as_trying_all_ways_finds():
 @pytest.mark.parametrize(("most", "end"), [(60, "loiter"), (30, "return"), (8, "stop")])
 def test_items_fit_and_the_tolerance_grows_by_as_much_as_that_takes(most, end):
     flown = sailed(wandering(1, samples=800, step=0.25))
-    room = Room(items=most, tolerance=0.02, spacing=0.0)
+    room = Allowance(items=most, tolerance=0.02, spacing=0.0)
     mission = simplify(flown, room, end=end)
     counted = 1 + len(mission_items(mission.track, end=end))
     assert mission.items == counted <= most
     assert departure(flown, mission) == pytest.approx(mission.deviation, abs=1e-9)
     assert mission.deviation > room.tolerance
-    tighter = Room(items=5000, tolerance=mission.deviation / 1.3, timing=1e3, spacing=0.0)
+    tighter = Allowance(items=5000, tolerance=mission.deviation / 1.3, timing=1e3, spacing=0.0)
     assert simplify(flown, tighter, end=end).items > most  # no more was given away
 
 
 @pytest.mark.parametrize("radius", [0.5, 0.9, 1.2])
 def test_a_path_in_less_room_than_a_leg_is_told_for_what_it_is(radius):
     flown = sailed(arc(radius, 40.0, 4001))
-    mission = simplify(flown, Room(spacing=2.0))
+    mission = simplify(flown, Allowance(spacing=2.0))
     lengths = np.hypot(*np.diff(mission.track.points, axis=0).T)
     assert (lengths >= 2.0).all()
     if radius < 1.0:
@@ -158,14 +158,14 @@ def test_a_path_in_less_room_than_a_leg_is_told_for_what_it_is(radius):
 def test_an_end_nearer_than_a_leg_to_its_start_is_left_out_and_counted():
     out, back = np.linspace(0.0, 3.0, 31), np.linspace(3.0, 1.5, 16)[1:]
     along = np.concatenate([out, back])
-    mission = simplify(sailed(np.stack([along, np.zeros_like(along)], axis=-1)), Room())
+    mission = simplify(sailed(np.stack([along, np.zeros_like(along)], axis=-1)), Allowance())
     assert mission.deviation >= 1.0  # the last place is 1.5 m from every one that a leg leads to
     assert np.hypot(*np.diff(mission.track.points, axis=0).T) == pytest.approx([2.0], abs=1.0)
 
 
 def test_a_vehicle_that_stays_put_has_one_waypoint():
     still = Track(points=np.zeros((50, 2)), time=np.arange(50.0))
-    mission = simplify(still, Room())
+    mission = simplify(still, Allowance())
     assert len(mission.track.points) == 1
     assert (mission.items, mission.deviation, mission.timing) == (2, 0.0, 0.0)
     assert mission.track.speed is mission.track.hold is None
@@ -175,7 +175,7 @@ def test_a_vehicle_that_stays_put_has_one_waypoint():
 
 
 def test_one_speed_does_where_chords_are_short_by_the_same():
-    mission = simplify(sailed(arc(20.0, 30.0, 6001)), Room())
+    mission = simplify(sailed(arc(20.0, 30.0, 6001)), Allowance())
     assert np.unique(mission.track.speed).size == 1
     lengths = np.hypot(*np.diff(mission.track.points, axis=0).T)
     assert mission.track.speed[0] == pytest.approx(lengths.sum() / 300.0, rel=1e-2)
@@ -185,7 +185,7 @@ def test_one_speed_does_where_chords_are_short_by_the_same():
 def test_speeds_change_where_the_vehicle_changed_its_own():
     out = np.stack([np.linspace(0, 400, 401), np.zeros(401)], axis=-1)
     time = np.concatenate([np.arange(0, 101) * 0.5, 50 + np.arange(1, 301) * 2.0])
-    mission = simplify(Track(points=out, time=time), Room(timing=0.5))
+    mission = simplify(Track(points=out, time=time), Allowance(timing=0.5))
     np.testing.assert_allclose(mission.track.speed, [2.0, 0.5], rtol=1e-2)
     np.testing.assert_allclose(mission.track.points[1], [100.0, 0.0], atol=2.0)
     assert mission.timing <= 0.5
@@ -196,7 +196,7 @@ def test_a_vehicle_that_stood_is_told_to_hold():
     along = np.concatenate([out, np.full(80, 60.0), 60 + out[1:]])
     places = np.stack([along, np.zeros_like(along)], axis=-1)
     flown = Track(points=places, time=0.5 * np.arange(along.size))
-    mission = simplify(flown, Room(timing=0.5))
+    mission = simplify(flown, Allowance(timing=0.5))
     np.testing.assert_allclose(mission.track.points[:, 0], [0.0, 60.0, 120.0])
     np.testing.assert_allclose(mission.track.hold, [0.0, 40.0, 0.0])
     assert mission.timing <= 0.5
@@ -213,7 +213,7 @@ def test_holds_at_the_start_on_the_way_and_where_the_speed_changes_are_kept():
     along = np.concatenate(parts)
     places = np.stack([along, np.zeros_like(along)], axis=-1)
     flown = Track(points=places, time=0.5 * np.arange(along.size))
-    mission = simplify(flown, Room(timing=0.2))
+    mission = simplify(flown, Allowance(timing=0.2))
     np.testing.assert_allclose(mission.track.points[:, 0], [0.0, 50.0, 100.0, 200.0, 220.0])
     np.testing.assert_allclose(mission.track.hold, [20.0, 30.0, 0.0, 10.0, 0.0])
     np.testing.assert_allclose(mission.track.speed, [2.0, 2.0, 1.0, 0.5])
@@ -226,7 +226,7 @@ def test_no_speed_is_above_what_the_vehicle_sailed(seed):
     points = wandering(seed)
     speeds = np.repeat(rng.uniform(0.4, 2.0, len(points) // 20 + 1), 20)[: len(points) - 1]
     time = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T) / speeds))
-    mission = simplify(Track(points=points, time=time), Room(items=2000, timing=1.0))
+    mission = simplify(Track(points=points, time=time), Allowance(items=2000, timing=1.0))
     assert mission.timing <= 1.0
     assert mission.track.speed.max() <= 2.0
     astray = np.hypot(*(place_at(mission, time) - points).T).max()
@@ -259,11 +259,11 @@ LIMITS = {
 @pytest.mark.parametrize("limit", LIMITS)
 def test_no_leg_breaks_a_limit_that_the_path_keeps(limit):
     flown = sailed(hugging(0.1))  # a leg of 2 m is 3 cm from its arc
-    mission = simplify(flown, Room(), constraints=LIMITS[limit])
+    mission = simplify(flown, Allowance(), constraints=LIMITS[limit])
     cut = shapely.LineString(mission.track.points).intersection(STADIUM.buffer(-1e-3))
     assert cut.is_empty
     assert mission.deviation <= 0.5
-    free = simplify(flown, Room())
+    free = simplify(flown, Allowance())
     assert shapely.LineString(free.track.points).intersection(STADIUM.buffer(-1e-3)).length > 1.0
     assert len(free.track.points) < len(mission.track.points)
 
@@ -271,15 +271,15 @@ def test_no_leg_breaks_a_limit_that_the_path_keeps(limit):
 def test_a_leg_stays_within_a_round_fence_that_the_path_keeps():
     fence = Constraints(geofence=Disc(x=0.0, y=0.0, radius=30.0))
     circle = sailed(arc(29.99, 5.0, 800))
-    mission = simplify(circle, Room(), constraints=fence)
+    mission = simplify(circle, Allowance(), constraints=fence)
     assert np.hypot(*mission.track.points.T).max() <= 30.0
-    assert mission.items == simplify(circle, Room()).items  # chords are inside
+    assert mission.items == simplify(circle, Allowance()).items  # chords are inside
 
 
 @pytest.mark.parametrize("limit", LIMITS)
 def test_where_no_long_leg_keeps_a_limit_the_path_is_kept_to(limit):
     flown = sailed(hugging(0.005))
-    mission = simplify(flown, Room(), constraints=LIMITS[limit])
+    mission = simplify(flown, Allowance(), constraints=LIMITS[limit])
     assert departure(flown, mission) == pytest.approx(mission.deviation, abs=1e-9)
     assert mission.deviation <= 0.5
     assert mission.track.points[:, 0].max() > 14.0
@@ -288,7 +288,7 @@ def test_where_no_long_leg_keeps_a_limit_the_path_is_kept_to(limit):
 def test_legs_may_break_what_the_path_breaks_and_keep_the_rest():
     crossed = Disc(x=-40.0, y=-15.1, radius=6.0)
     limits = Constraints(keep_out=(*LIMITS["disc"].keep_out, crossed))
-    mission = simplify(sailed(hugging(0.1)), Room(), constraints=limits)
+    mission = simplify(sailed(hugging(0.1)), Allowance(), constraints=limits)
     line = shapely.LineString(mission.track.points)
     assert line.intersects(shapely.Point(-40.0, -15.1).buffer(5.9))
     assert line.intersection(DISC.buffer(-1e-3)).is_empty
@@ -309,9 +309,9 @@ def test_legs_may_break_what_the_path_breaks_and_keep_the_rest():
 )
 def test_room_refuses_numbers_out_of_range(room, message):
     with pytest.raises(ValueError, match=message):
-        Room(**room)
+        Allowance(**room)
 
 
 def test_a_path_without_times_is_refused():
     with pytest.raises(ValueError, match="needs a time at each sample"):
-        simplify(Track(points=arc(10.0, 1.0, 20)), Room())
+        simplify(Track(points=arc(10.0, 1.0, 20)), Allowance())

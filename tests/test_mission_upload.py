@@ -7,7 +7,7 @@ from missions import POINTS, degrees, full_mission
 
 from obsplan.missions import Track, write_waypoints
 from obsplan.missions.export import simplify
-from obsplan.missions.flown_path import Room
+from obsplan.missions.flown_path import Allowance
 
 
 def test_a_vehicle_stores_the_file_item_by_item(tmp_path):
@@ -32,7 +32,7 @@ def test_what_is_simplified_to_a_vehicles_room_fits_it(tmp_path, room):
     turns = np.linspace(0.0, 40.0, 1601)
     spiral = 4.0 * (5.0 + turns[:, None]) * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
     time = np.append(0.0, np.cumsum(np.hypot(*np.diff(spiral, axis=0).T))) / 2.0
-    mission = simplify(Track(points=spiral, time=time), Room(items=room, tolerance=0.1))
+    mission = simplify(Track(points=spiral, time=time), Allowance(items=room, tolerance=0.1))
     geographic = Track(
         points=degrees(mission.track.points), speed=mission.track.speed, time=mission.track.time
     )

@@ -16,7 +16,7 @@ from pymavlink.mavwp import MAVWPLoader
 from obsplan.campaign import plan_cells
 from obsplan.missions import write_waypoints
 from obsplan.missions.export import simplify
-from obsplan.missions.flown_path import Room
+from obsplan.missions.flown_path import Allowance
 from obsplan.report import export_sentences, make_export, write_run
 from obsplan.report.export import flown_track, leg_violation
 from obsplan.scenario import load
@@ -376,5 +376,5 @@ def test_harbor_surveys_mission_fits_is_stored_and_costs_nothing(tmp_path):
     assert errors["as_loaded"] == pytest.approx(errors["path_as_flown"], rel=0.03)
     assert errors["as_loaded"] < errors["60_s_late"] < errors["180_s_late"]  # measured before, too
     dense, _ = flown_track(run, 0.01)
-    tight = simplify(dense, Room(tolerance=0.05))
+    tight = simplify(dense, Allowance(tolerance=0.05))
     assert tight.items <= 500

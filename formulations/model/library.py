@@ -1,4 +1,4 @@
-"""Shared libraries of generated C: built once, kept privately, loaded only if they are ours.
+"""Shared libraries of generated C: built once, kept in a private folder, loaded only if ours.
 
 A library's name holds the digest of its source, compiler and flags, and that of its own content
 under them. What is under a name that it does not fit, because it was cut, damaged or put there, is

@@ -56,9 +56,8 @@ class PersistentOSQP:
     def __call__(self, program: TurnProgram) -> Point:
         """Solve one bounded program."""
         deviation = Deviation.of(program)
-        if (
-            deviation[:4] != self._given
-        ):  # far from every limit all decisions are the same program, up to scale
+        # far from every limit all decisions are the same program, up to scale
+        if deviation[:4] != self._given:
             self._update(deviation)
         result = self._solver.solve(raise_error=False)
         dual = result.y.tolist()

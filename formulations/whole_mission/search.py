@@ -14,7 +14,7 @@ from ..solution import Solution, Status
 from .covariance import PredictedVariance
 from .path import Turns
 from .problem import Problem
-from .starts import Violation, shaken, starts
+from .starts import Violation, perturbed, starts
 
 PENALTIES = (1.0, 30.0, 1000.0)  # of the mean square violation, one after the other [-]
 PROBE = 1e-3  # [m]; by which positions are moved to see how the violation changes
@@ -141,10 +141,10 @@ def optimise(
     From each start (`starts`) a bounded quasi-Newton method (L-BFGS-B: Byrd, Lu, Nocedal and Zhu
     1995) descends along exact gradients: the covariance recursion's by CasADi, the path's in closed
     form; the better ones go on. What is left of ``count`` descents begins at the best, some of its
-    turns shaken, and the best's own goes on to the end. Limits are penalties on the square of their
-    violation at the mission's samples, plus ``margin`` [m], in rising weights; of the results those
-    that violate least are kept, and of these the best. It is a local optimum: nothing is proven
-    about the global one.
+    turns perturbed, and the best's own goes on to the end. Limits are penalties on the square of
+    their violation at the mission's samples, plus ``margin`` [m], in rising weights; of the results
+    those that violate least are kept, and of these the best. It is a local optimum: nothing is
+    proven about the global one.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def optimise(
     count
         Number of descents, at least 1.
     random
-        Where shaken and random turns come from.
+        Where perturbed and random turns come from.
     violation
         How far [m] positions at times [s] of the mission are on the wrong side of a limit, at most
         0 where they are right.
@@ -190,7 +190,7 @@ def optimise(
     better = [descended(candidate.w) for candidate in rough[:going_on]]
     best = min((*begun, *better), key=rank)
     for _ in range(shakes):
-        best = min(best, descended(shaken(best.w, random)), key=rank)
+        best = min(best, descended(perturbed(best.w, random)), key=rank)
     best = min(descended(best.w, POLISH), best, key=rank)
     return Solution(
         x=best.w * problem.max_turn_rate,

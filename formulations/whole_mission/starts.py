@@ -21,8 +21,8 @@ TREES = ((6, 7, 32), (10, 7, 256), (16, 7, 128))  # its levels, branches and bea
 ORBITS = (1.0, 2.0, 4.0, 8.0)  # radii, in smallest turning radii beyond the farthest AUV
 STRAIGHTER = (1.0, 1.0 / 3.0)  # constant turns, in units of the limit
 RANDOM = ((1, 1.0), (2, 1.0), (4, 0.3), (8, 0.3))  # turns that random ones last, and their largest
-WINDOWS = (4, 8, 16, 32)  # turns of the best that are shaken
-SHAKE = 0.4  # their standard deviation, in units of the limit
+WINDOWS = (4, 8, 16, 32)  # turns of the best that are perturbed
+PERTURBATION = 0.4  # their standard deviation, in units of the limit
 SIDES = (1.0, -1.0)  # left, right
 
 Violation = Callable[
@@ -47,11 +47,11 @@ def starts(
         yield np.repeat(drawn, longer)[: turns.count]
 
 
-def shaken(w: Float[np.ndarray, " n"], random: np.random.Generator) -> Float[np.ndarray, " n"]:
+def perturbed(w: Float[np.ndarray, " n"], random: np.random.Generator) -> Float[np.ndarray, " n"]:
     """Turns of which some in a row are other than they were."""
     first, changed = random.integers(w.size), w.copy()
     window = changed[first : first + random.choice(WINDOWS)]
-    window += random.normal(0.0, SHAKE, window.size)
+    window += random.normal(0.0, PERTURBATION, window.size)
     return np.clip(changed, -1.0, 1.0)
 
 

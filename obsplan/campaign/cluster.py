@@ -33,9 +33,9 @@ SETTINGS = {
 
 @contextmanager
 def connected(*, workers: int | None, most: int, scheduler: str | None) -> Iterator["Client"]:
-    """A client of the cluster at an address, or of local processes, for the while.
+    """Connect to the cluster at an address, or to local processes; disconnect at the end.
 
-    Of these there are ``workers`` (default: one per core), never more than ``most``.
+    Of local processes there are ``workers`` (default: one per core), never more than ``most``.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def connected(*, workers: int | None, most: int, scheduler: str | None) -> Itera
 
 @contextmanager
 def local(number: int) -> Iterator["Client"]:
-    """A client of processes made for the while.
+    """Start local processes and connect to them; end them at the end.
 
     They talk over the loopback interface only, and there is no dashboard.
     """
@@ -77,9 +77,9 @@ def local(number: int) -> Iterator["Client"]:
 
 
 def end_if_worker() -> None:
-    """End a worker that was about to fly the campaign it was started for.
+    """End a worker that is about to start the campaign again.
 
-    That is one that reads a script without a main guard.
+    It would where the user's script has no main guard: every worker runs the script.
     """
     if getattr(current_process(), "_inheriting", False):  # as multiprocessing itself tells it
         sys.exit(2)
@@ -87,9 +87,9 @@ def end_if_worker() -> None:
 
 @contextmanager
 def deaf() -> Iterator[None]:
-    """Keep Ctrl-C waiting, and from what is started meanwhile.
+    """Hold back Ctrl-C, also from processes started meanwhile.
 
-    A worker would hear of it before it can be told not to listen.
+    A worker would receive it before it can be told to ignore it.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
@@ -104,12 +104,11 @@ def deaf() -> Iterator[None]:
 
 @contextmanager
 def remote(address: str) -> Iterator["Client"]:
-    """A client of the cluster at an address."""
+    """Connect to the cluster at an address; disconnect at the end."""
     from distributed import Client
 
-    logging.getLogger("distributed.client").setLevel(
-        logging.CRITICAL
-    )  # most faults mend themselves; of the others we hear
+    # most faults mend themselves; the others are raised
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
         client = Client(address, timeout=PATIENCE)
     except (OSError, ValueError, TimeoutError) as error:

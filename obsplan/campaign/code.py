@@ -17,10 +17,10 @@ FLIES = ("obsplan/campaign/worker.py",)  # though its folder stands apart
 def code_hash(*besides: str) -> str:
     """SHA-256 of the sources that can change what a mission gives; read once per process.
 
-    These are all of ``formulations`` and of ``obsplan`` all but what starts missions, reads their
-    surveys, keeps, draws or tells of them: `APART`. A mission file and a shipped scenario decide a
-    mission too, but stand, resolved, in the cell's content. Versions of other packages do not
-    count. ``besides`` are folders that stand apart and shall count, too.
+    These are all of ``formulations``, and all of ``obsplan`` but the modules in `APART`, which
+    start missions, read surveys, and store, draw or report results. A mission file and a shipped
+    scenario decide a mission, too, but the cell's content holds what they say. Versions of other
+    packages do not count. ``besides`` are folders of `APART` that shall count, too.
     """
     packages = {name: Path(str(files(name))) for name in APART}
     return hash_of(packages, besides)

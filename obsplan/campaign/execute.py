@@ -1,4 +1,4 @@
-"""Fly what is missing of a campaign: on local processes or on a Dask cluster, by the same road."""
+"""Fly what is missing of a campaign: on local processes or a Dask cluster, in the same way."""
 
 import asyncio
 import json
@@ -178,9 +178,9 @@ class Flight:
         return max(1, min(by_pace, share, MOST_IN_A_BATCH))
 
     def fly(self, batches: Iterator[Batch]) -> None:
-        """Fly all; then what was under way where workers kept dying, each mission alone.
+        """Fly all missions, and find those that kill their workers.
 
-        So the one that is to blame is found.
+        Batches whose workers kept dying are flown again, each mission alone.
         """
         self.drive(batches, self.suspects.append)
         for batch in self.suspects:
@@ -194,7 +194,7 @@ class Flight:
     def _look_around(self) -> None:
         """Count the workers' threads, which come and go on a cluster.
 
-        And what they could have done since the last look.
+        Add the time [s] that they had since the last look to the capacity.
         """
         now = perf_counter()
         self.capacity += self.threads * (now - self.looked if self.looked else 0.0)

@@ -139,7 +139,7 @@ def seeds_of(first: int, runs: int) -> range:
 
 
 def loaded(source: str, planner: str | None, settings: Sequence[str]) -> Scenario:
-    """A scenario with planner and settings put over it."""
+    """A scenario with its planner and settings replaced."""
     try:
         return load(source, planner=planner, settings=settings)
     except ObsplanError as error:

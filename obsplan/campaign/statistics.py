@@ -117,13 +117,13 @@ def signed_rank_p(differences: Float[np.ndarray, " n"]) -> float:
 
 
 def fewest_pairs(comparisons: int) -> int:
-    r"""Number of pairs from which on the signed-rank test can tell a difference from chance.
+    r"""Least number of pairs with which the signed-rank test can tell a difference from chance.
 
-    It is corrected by Holm for so many comparisons.
+    The test is corrected by Holm for m comparisons:
 
     .. math:: \min\{n : m \, 2^{1-n} < 0.05\}
 
-    because of the :math:`2^n` patterns of signs the two of one sign are the most extreme.
+    Of the :math:`2^n` patterns of signs, the two of one sign are the most extreme.
     """
     return int(np.floor(np.log2(2 * comparisons / LEVEL))) + 1
 
@@ -131,7 +131,7 @@ def fewest_pairs(comparisons: int) -> int:
 def holm(p: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
     r"""Correct p values for their number by the step-down method of Holm (1979).
 
-    It is valid whatever depends on what.
+    It is valid however the tests depend on each other.
 
     .. math:: \tilde p_{(i)} = \max_{j \le i} \min(1, (m - j + 1) p_{(j)})
     """

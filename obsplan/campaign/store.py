@@ -50,9 +50,8 @@ LAYOUT = (
         "       PRIMARY KEY (cell, seed)) WITHOUT ROWID"
     ),
 )
-FORMAT = (
-    zlib.crc32("".join(LAYOUT).encode()) >> 1
-)  # how the file says that it is ours, and in this layout
+# how the file says that it is ours, and in this layout
+FORMAT = zlib.crc32("".join(LAYOUT).encode()) >> 1
 COLUMNS = ("cell", "seed", "error", *FIGURES, "auv", "status_counts")
 ANEW = ", ".join(f"{name} = excluded.{name}" for name in COLUMNS[2:])
 # a success stays; a failure gives way to the next attempt
@@ -226,7 +225,7 @@ def row_of(cell: int, outcome: Outcome) -> tuple[Any, ...]:
 def no_store(folder: Path, otherwise: str, remedy: str) -> ObsplanError:
     """What is wrong with a folder that has no store.
 
-    That it was moved, where a campaign's table is left; else what ``otherwise`` says.
+    Where a campaign's table is left, the store was moved; else it is what ``otherwise`` says.
     """
     if any((folder / name).exists() for name in TABLES):
         return ObsplanError(

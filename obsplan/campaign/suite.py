@@ -1,6 +1,6 @@
 """Planners over a suite of scenarios: who wins where, by how much, at what cost.
 
-And how far all are from what is possible.
+The certified bound says how far all of them are from what is possible.
 """
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false, reportReturnType=false

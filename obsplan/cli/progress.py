@@ -1,4 +1,4 @@
-"""How far a task is: a bar on a terminal, elsewhere a line every half minute; standard error."""
+"""Progress on standard error: a bar on a terminal, elsewhere a line every half minute."""
 
 import sys
 from collections.abc import Callable, Iterator

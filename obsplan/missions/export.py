@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Integer
 
 from obsplan.constraints import UNLIMITED, Constraints
-from obsplan.missions.flown_path import FlownPath, Room
+from obsplan.missions.flown_path import Allowance, FlownPath
 from obsplan.missions.mission import Track
 from obsplan.missions.writers.items import End, count_items
 
@@ -27,14 +27,14 @@ class Simplified:
     deviation: float  # greatest distance between the two [m]
     timing: float  # greatest time that a vehicle at these speeds is ahead or behind [s]
 
-    def fits(self, room: Room) -> bool:
+    def fits(self, allowance: Allowance) -> bool:
         """Whether it is what was asked for."""
-        near = self.deviation <= room.tolerance and self.timing <= room.timing
-        return near and self.items <= room.items
+        near = self.deviation <= allowance.tolerance and self.timing <= allowance.timing
+        return near and self.items <= allowance.items
 
 
 def simplify(
-    flown: Track, room: Room, *, end: End = "loiter", constraints: Constraints = UNLIMITED
+    flown: Track, allowance: Allowance, *, end: End = "loiter", constraints: Constraints = UNLIMITED
 ) -> Simplified:
     """Choose the fewest samples of a path as waypoints, so that the legs between them stay near it.
 
@@ -59,46 +59,48 @@ def simplify(
         What happens at the last waypoint.
     """
     path = FlownPath.of(flown, UNLIMITED)
-    far = path.far_apart(room.spacing)
-    growth, mission = _least(path, room, end, 1.0, MOST_GROWTH) if far.size > 1 else (1.0, None)
+    far = path.far_apart(allowance.spacing)
+    growth, mission = 1.0, None
+    if far.size > 1:
+        growth, mission = _least(path, allowance, end, 1.0, MOST_GROWTH)
     if mission is None:
-        return _judged(path, far, room.timing, end)
+        return _judged(path, far, allowance.timing, end)
     if constraints.keep_out or constraints.geofence is not None:
         limited = replace(path, constraints=constraints)
-        _, kept = _least(limited, room, end, growth, WORTH * growth)
+        _, kept = _least(limited, allowance, end, growth, WORTH * growth)
         return kept or mission
     return mission
 
 
 def _least(
-    path: FlownPath, room: Room, end: End, low: float, most: float
+    path: FlownPath, allowance: Allowance, end: End, low: float, most: float
 ) -> tuple[float, Simplified | None]:
     """The least growth of the tolerances from ``low`` on that has a mission, and that mission.
 
     The mission is None if there is none up to ``most``.
     """
-    mission = _fitted(path, room.times(low), end)
+    mission = _fitted(path, allowance.times(low), end)
     if mission is not None:
         return low, mission
     high = low
     while mission is None and high < most:
         low, high = high, min(2 * high, most)
-        mission = _fitted(path, room.times(high), end)
+        mission = _fitted(path, allowance.times(high), end)
     for _ in range(HALVINGS if mission is not None else 0):
         middle = math.sqrt(low * high)
-        nearer = _fitted(path, room.times(middle), end)
+        nearer = _fitted(path, allowance.times(middle), end)
         low, high = (middle, high) if nearer is None else (low, middle)
         mission = nearer or mission
     return high, mission
 
 
-def _fitted(path: FlownPath, room: Room, end: End) -> Simplified | None:
+def _fitted(path: FlownPath, allowance: Allowance, end: End) -> Simplified | None:
     """The mission within these tolerances; None where there is none."""
-    chosen = path.waypoints(room)
+    chosen = path.waypoints(allowance)
     if chosen is None:
         return None
-    mission = _judged(path, chosen, room.timing, end)
-    return mission if mission.fits(room) else None
+    mission = _judged(path, chosen, allowance.timing, end)
+    return mission if mission.fits(allowance) else None
 
 
 def _judged(

@@ -12,16 +12,17 @@ from obsplan.missions.mission import Track
 
 STANDING = 1e-6  # [m] from sample to sample; a vehicle that moves less stands
 COARSE = 0.02  # share of the tolerances for what lies between the samples that may be waypoints
+# legs end at each of the next possible waypoints, then at every tenth farther
 EVERY, STRIDE = (
     64,
     1.1,
-)  # legs end at each of the next possible waypoints, then at every tenth farther
+)
 LOOKED_AT = 64  # possible waypoints between the ends of a leg, where there are more
 MOST_COARSE = 20  # of these for each item: with more, the items are not enough by far
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Room:
+class Allowance:
     """What an autopilot takes, and how near to the path it has to stay.
 
     Raises
@@ -44,7 +45,7 @@ class Room:
             if not 0 < (value := getattr(self, name)) < np.inf:
                 raise ValueError(f"{name} must be positive and finite [{unit}], got {value}")
 
-    def times(self, factor: float) -> "Room":
+    def times(self, factor: float) -> "Allowance":
         """The same with larger tolerances."""
         return replace(self, tolerance=self.tolerance * factor, timing=self.timing * factor)
 
@@ -86,7 +87,7 @@ class FlownPath:
         return float(np.max(moved / (self.arrive[1:] - self.depart[:-1]), initial=0.0))
 
     def misfit(self, i: np.ndarray, j: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distance [m] of samples k from the legs i to j, and a vehicle's delay [s] on the leg."""
+        """Distance [m] of samples k from the legs i to j, and how far off [s] a vehicle is."""
         share, distance = self._beside(i, j, k)
         due = self.depart[i] + share * (self.arrive[j] - self.depart[i])
         return distance, np.maximum(abs(self.arrive[k] - due), abs(self.depart[k] - due))
@@ -124,45 +125,47 @@ class FlownPath:
         away = np.hypot(*(self.points - self.points[0]).T) >= max(spacing, STANDING)
         return np.array([0, *np.flatnonzero(away)[-1:]])
 
-    def waypoints(self, room: Room) -> Integer[np.ndarray, " k"] | None:
+    def waypoints(self, allowance: Allowance) -> Integer[np.ndarray, " k"] | None:
         """The fewest samples whose legs fit, from the first to the last; None if there are none."""
-        possible = self._possible(room)
+        possible = self._possible(allowance)
         if possible is None:
             return None
-        i, j, cost = self._legs(possible, room)
+        i, j, cost = self._legs(possible, allowance)
         return _shortest(possible, i, j, cost)
 
-    def _possible(self, room: Room) -> Integer[np.ndarray, " m"] | None:
+    def _possible(self, allowance: Allowance) -> Integer[np.ndarray, " m"] | None:
         """Samples that may be waypoints; None where they are too many for the items.
 
         The line through them is the path to a `COARSE` share of the tolerances.
         """
         chosen, reach = [0], 1
         while chosen[-1] < len(self.points) - 1:
-            reach = self._reach(chosen[-1], reach, room.times(COARSE))
+            reach = self._reach(chosen[-1], reach, allowance.times(COARSE))
             chosen.append(chosen[-1] + reach)
-            if len(chosen) > MOST_COARSE * room.items:
+            if len(chosen) > MOST_COARSE * allowance.items:
                 return None
         return np.array(chosen)
 
-    def _reach(self, i: int, guess: int, room: Room) -> int:
+    def _reach(self, i: int, guess: int, allowance: Allowance) -> int:
         """How many samples fit on a leg from sample i, at most, by doubling and halving."""
         most = len(self.points) - 1 - i
         low, high = 1, min(guess, most) + 1
-        while high <= most and self._fits(i, i + high, room):
+        while high <= most and self._fits(i, i + high, allowance):
             low, high = high, min(2 * high, most + 1)
         while high - low > 1:
             middle = (low + high) // 2
-            low, high = (middle, high) if self._fits(i, i + middle, room) else (low, middle)
+            low, high = (middle, high) if self._fits(i, i + middle, allowance) else (low, middle)
         return low
 
-    def _fits(self, i: int, j: int, room: Room) -> bool:
+    def _fits(self, i: int, j: int, allowance: Allowance) -> bool:
         """Whether all samples on the way are within the tolerances of a leg, half of the time's."""
         distance, late = self.misfit(np.array(i), np.array(j), np.arange(i + 1, j))
-        return bool((distance <= room.tolerance).all() and (late <= room.timing / 2).all())
+        near = (distance <= allowance.tolerance).all()
+        in_time = (late <= allowance.timing / 2).all()
+        return bool(near and in_time)
 
     def _legs(
-        self, possible: Integer[np.ndarray, " m"], room: Room
+        self, possible: Integer[np.ndarray, " m"], allowance: Allowance
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Legs that fit: where they begin and end, and their squared deviations.
 
@@ -171,7 +174,7 @@ class FlownPath:
         farther end is looked at. Of what lies between the ends of long legs only a part is looked
         at: whether a mission fits is measured in the end.
         """
-        room = room.times(1.0 - COARSE)
+        allowance = allowance.times(1.0 - COARSE)
         found = []
         begin = np.arange(len(possible) - 1)
         for ahead in _aheads(len(possible)):
@@ -183,14 +186,14 @@ class FlownPath:
             between = possible[begin[:, None] + inner]
             distance, late = self.misfit(i[:, None], j[:, None], between)
             distance, late = distance.max(axis=1, initial=0.0), late.max(axis=1, initial=0.0)
-            long = np.hypot(*(self.points[j] - self.points[i]).T) >= room.spacing
-            fits = long & (distance <= room.tolerance) & (late <= room.timing / 2)
+            long = np.hypot(*(self.points[j] - self.points[i]).T) >= allowance.spacing
+            fits = long & (distance <= allowance.tolerance) & (late <= allowance.timing / 2)
             fits[fits] = self._permitted(i[fits], j[fits])
             found.append(np.array([begin, begin + ahead, distance**2])[:, fits])
-            near = (distance <= 2 * room.tolerance) & (late <= room.timing)
+            near = (distance <= 2 * allowance.tolerance) & (late <= allowance.timing)
             begin = begin[near | ~long]
         i, j, cost = np.concatenate(found, axis=1)
-        return i.astype(int), j.astype(int), cost / room.tolerance**2
+        return i.astype(int), j.astype(int), cost / allowance.tolerance**2
 
     def _permitted(
         self, i: Integer[np.ndarray, " legs"], j: Integer[np.ndarray, " legs"]

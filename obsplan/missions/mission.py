@@ -17,9 +17,8 @@ from obsplan.types import ObsplanError
 FARTHEST = 100e3  # [m]; beyond it the origin is a mistake, and a tangent plane no longer a map
 REPEATED = 1e-3  # [m]; nearer than this, two points are one place
 _LONGEST = 40  # letters of a name in a sentence
-_NUMBER = re.compile(
-    r"[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf)", re.ASCII | re.IGNORECASE
-)  # the last two are refused as not finite
+# the last two are refused as not finite
+_NUMBER = re.compile(r"[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf)", re.ASCII | re.IGNORECASE)
 
 Point = tuple[float, float]
 

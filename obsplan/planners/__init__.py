@@ -20,10 +20,11 @@ PLANNERS = {
     "whole-mission": "obsplan.planners.whole_mission:WholeMission",
     "stationary": "obsplan.planners.stationary:Stationary",
 }
+# tens of seconds a mission: compared only where they are named
 SLOW = (
     "trajectory",
     "whole-mission",
-)  # tens of seconds a mission: compared only where they are named
+)
 DEFAULT_PLANNER = "information"  # what the name "default" stands for
 
 

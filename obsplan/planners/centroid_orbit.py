@@ -59,15 +59,13 @@ class CentroidOrbit:
         tangent = ca.atan2(away[1], away[0]) + sense * (
             np.pi / 2 + ca.atan(outside / look_ahead(cna))
         )
-        along, abeam = rotated(
-            -tangent, velocity
-        )  # the centroid's velocity along the tangent and to its left
+        # the centroid's velocity along the tangent and to its left
+        along, abeam = rotated(-tangent, velocity)
         crab = ca.asin(ca.fmax(-STEEPEST, ca.fmin(STEEPEST, abeam / cna.speed)))
         ahead = cna.speed * ca.cos(crab)
         turning = sense * (ahead - along) / radius  # of the tangent
-        turn_rate = turn_toward(
-            cna, pose[2], tangent + crab, turning=turning * (1 - along / ahead)
-        )  # the crab turns back by as much
+        # the crab turns back by as much
+        turn_rate = turn_toward(cna, pose[2], tangent + crab, turning=turning * (1 - along / ahead))
         none = ca.SX.nan(1, targets.mean.shape[1])
         return Command(turn_rate, ca.SX(cna.speed), outside**2, none, ca.SX(float(Status.OPTIMAL)))
 

@@ -54,9 +54,8 @@ class Trail:
         behind = look_ahead(cna) if self.behind is None else self.behind
         gap = targets.mean[:2, :] @ share - behind * ahead + self.left * abeam - pose[:2]
         wanted = targets.velocity @ share + gap * (cna.speed / look_ahead(cna))
-        speed = ca.fmin(
-            cna.speed, ca.hypot(wanted[0], wanted[1])
-        )  # cruising speed also where it is no number
+        # cruising speed also where it is no number
+        speed = ca.fmin(cna.speed, ca.hypot(wanted[0], wanted[1]))
         turn_rate = turn_toward(cna, pose[2], ca.atan2(wanted[1], wanted[0]), speed=speed)
         none = ca.SX.nan(1, targets.mean.shape[1])
         return Command(turn_rate, speed, ca.sumsqr(gap), none, ca.SX(float(Status.OPTIMAL)))

@@ -45,8 +45,8 @@ class Trajectory:
     the horizon. It grows with distance: limit the separation. ``score`` is the weighted mean over
     AUVs of the trace, of -log det, of -log λmin, or of log((κ + 1)²/4κ).
 
-    Stages begin and end at multiples of a multiple of the decision interval, so that the rest of
-    a trajectory can be followed. The first is what is left of the present stage.
+    A stage lasts a whole number of decision intervals, and ends at a multiple of its length. So
+    the rest of a trajectory can be followed. The first stage is what is left of the present one.
 
     Every trajectory ends with a terminal safe set: one of the smallest circles at its end is
     within the geofence and free of keep-outs, so that there is always a path to follow. Limits
@@ -154,9 +154,9 @@ class Trajectory:
         )
 
     def _durations(self, time: float) -> np.ndarray:
-        """Durations [s] of stages that end at multiples of a multiple of the decision interval.
+        """Durations [s] of the stages; the first is the rest of the present stage.
 
-        The first is the rest of the present stage.
+        The others last a whole number of decision intervals, and all end at multiples of that.
         """
         horizon = self.horizon
         if self.objective == "covariance":

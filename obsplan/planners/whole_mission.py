@@ -47,7 +47,7 @@ class WholeMission:
 
     A multi-start of ``starts`` descents along exact gradients finds it
     (`formulations.whole_mission`). They start from the receding horizon's route, from orbits,
-    from constant and random turns, and from the best plan itself, shaken. The best local optimum
+    from constant and random turns, and from perturbations of the best plan. The best local optimum
     is taken.
 
     Limits hold for the surveys as filed, separations with a margin for AUVs that stray from them
@@ -135,9 +135,9 @@ class WholeMission:
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Look up the turn of this time in the plan that the pose is on."""
-        substitute = unusable(self.situation.cna, pose, auvs)
-        if substitute is not None:
-            return substitute
+        fallback = unusable(self.situation.cna, pose, auvs)
+        if fallback is not None:
+            return fallback
         return self.open_loop(pose, time=time).decision(pose, time, len(auvs))
 
     def prepare(self, pose: Pose, progress: Progress) -> None:
@@ -265,9 +265,8 @@ class Limits:
             np.ascontiguousarray(self.frame.world(positions)),
         )
         at = (time / filed.time_step + self.first).round().astype(int).clip(max=filed.time.size - 1)
-        auvs = np.moveaxis(filed.position, 1, 0)[
-            :, at, None
-        ]  # one after the other: each needs a margin of its own at each time
+        # one after the other: each needs a margin of its own at each time
+        auvs = np.moveaxis(filed.position, 1, 0)[:, at, None]
         apart = [
             limits.separation_violation(world, auv) + margin
             for auv, margin in zip(auvs, self._margin[:, at], strict=True)

@@ -20,12 +20,10 @@ class Filed:
     position: Float[np.ndarray, "samples auvs 2"]  # [m]
     heading: Float[np.ndarray, "samples auvs"]  # [rad]
     speed: Float[np.ndarray, "samples auvs"]  # through the water [m/s]
-    covariance: Float[
-        np.ndarray, "auvs 4 4"
-    ]  # of the first estimates of east, north, heading and speed
-    process_noise: Float[
-        np.ndarray, "auvs 4"
-    ]  # standard deviations per sqrt(s), as the filters assume them; east's is north's
+    # of the first estimates of east, north, heading and speed
+    covariance: Float[np.ndarray, "auvs 4 4"]
+    # standard deviations per sqrt(s), as the filters assume them; east's is north's
+    process_noise: Float[np.ndarray, "auvs 4"]
     weights: Float[np.ndarray, " auvs"]
 
     def __post_init__(self) -> None:

@@ -205,9 +205,9 @@ def setting(keys: list[str], labels: tuple) -> str:
 
 
 def tally(settings: list[Standing]) -> list[str]:
-    """In how many settings each planner leads and by how much, and who broke limits.
+    """Say in how many settings each planner leads, by how much, and who broke limits.
 
-    And whether more seeds could tell more.
+    Say also whether more seeds could tell more.
     """
     led = [one for one in settings if one.eligible and one.eligible[0] not in one.broken]
     counts = Counter(one.eligible[0] for one in led)

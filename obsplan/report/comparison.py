@@ -22,9 +22,8 @@ BROKEN_BY = "Limit broken by [m]"
 DECADE = 10.0  # ratio of the greatest to the least beyond which an axis is logarithmic
 WIDTH, ROW = 10.0, 0.5  # of the figure, of a planner [inch]
 
-Rows = Sequence[
-    dict[str, Any]
-]  # of each mission: planner, seed and the figures of merit over all AUVs
+# of each mission: planner, seed and the figures of merit over all AUVs
+Rows = Sequence[dict[str, Any]]
 
 
 def compare_table(rows: Rows) -> "Table":

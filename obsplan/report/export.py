@@ -1,4 +1,4 @@
-"""A run's path as a mission for an autopilot, and what it costs to sail it without deciding."""
+"""A run's path as a mission for an autopilot, and what it costs to sail it open loop."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from formulations.model.arcs import arcs
 from obsplan.constraints import Constraints, Disc
 from obsplan.missions import Area, Mission, Track, to_geographic
 from obsplan.missions.export import Simplified, simplify
-from obsplan.missions.flown_path import Room
+from obsplan.missions.flown_path import Allowance
 from obsplan.planners import name_of
 from obsplan.run import Run
 from obsplan.scenario import Scenario
@@ -115,14 +115,14 @@ def make_export(run: Run, *, progress: Progress | None = None) -> Export:
         wider = in_wider_turns(flown.points, start_of(run), cna, step)
         widening = float(np.hypot(*(wider - flown.points).T).max())
         flown = replace(flown, points=wider)
-    room = Room(
+    allowance = Allowance(
         items=table.max_items,
         spacing=table.min_spacing,
         tolerance=table.tolerance - sagitta,
         timing=table.timing,
     )
     limits = run.scenario.constraints
-    simplified = simplify(flown, room, end=table.end, constraints=limits)
+    simplified = simplify(flown, allowance, end=table.end, constraints=limits)
     simplified = replace(simplified, deviation=simplified.deviation + sagitta)
     return Export(
         scenario=run.scenario,

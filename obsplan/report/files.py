@@ -290,10 +290,11 @@ def ranges(run: Run) -> Float[np.ndarray, "auvs samples"]:
 def rounded(values: Any) -> Any:
     """Numbers as text to `DECIMALS`, nan as nothing; names and whole numbers as they are."""
     if isinstance(values, np.ndarray):
+        # no -0.000000
         return [
             "" if value != value else f"{value:.{DECIMALS}f}"
             for value in (values.round(DECIMALS) + 0.0).tolist()
-        ]  # no -0.000000
+        ]
     return f"{round(values, DECIMALS) + 0.0:.{DECIMALS}f}" if isinstance(values, float) else values
 
 

@@ -20,9 +20,8 @@ from obsplan.report.words import after, capital, clock, limit_name, metres, titl
 from obsplan.run import Run
 
 PROBABILITY = 0.95
-RADIUS = float(
-    np.sqrt(-2.0 * np.log(1.0 - PROBABILITY))
-)  # of the ellipse in standard deviations: chi-square with 2 degrees
+# of the ellipse in standard deviations: chi-square with 2 degrees
+RADIUS = float(np.sqrt(-2.0 * np.log(1.0 - PROBABILITY)))
 ELLIPSES = 32  # in all
 SMALLEST = 0.004  # semi-axis of an ellipse worth drawing, as a share of the map's width
 WINDING = 20.0  # times the map's width: the path is so long that it would hide the rest
@@ -177,9 +176,9 @@ def ellipses(
 def apart(
     shapes: Float[np.ndarray, "n 49 2"], center: Float[np.ndarray, "n 2"], smallest: float
 ) -> list[int]:
-    """Which ellipses to draw: those large enough [m] that differ from the one drawn before.
+    """Which ellipses to draw: those large enough [m] that do not hide the one drawn before.
 
-    Neither hides the other.
+    They must not be much like it, either.
     """
     size = np.linalg.norm(shapes - center[:, None], axis=-1).max(axis=-1)
     drawn: list[int] = []

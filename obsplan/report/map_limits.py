@@ -66,7 +66,7 @@ def draw_limits(axes: Axes, run: Run) -> list[Line2D | Patch]:
 
 
 def binding_separations(run: Run) -> list[LimitHistory]:
-    """Of the least and of the greatest separations the most broken one, or the closest if close."""
+    """For least and greatest separation, the AUV whose limit is broken most or nearly broken."""
     kinds: dict[str, list[LimitHistory]] = {}
     for limit in run.limits:
         if limit.auv is not None:

@@ -39,7 +39,7 @@ DISTANCES = (5.0, 9.0)  # of a label's box from its mark [pt]
 FARTHER = 3.0  # points of lines that a label rather hides than be farther from its mark
 MARK = 6.0  # size of a mark, which no label hides [pt]
 DIRECTIONS = tuple(np.pi / 4 * k for k in (1, 0, 3, 4, 7, 5, 2, 6))  # tried in this order [rad]
-SPACING = 3.0  # of the points that stand for a line where room for a label is looked for [pt]
+SPACING = 3.0  # of the points that stand for a line where space for a label is looked for [pt]
 MOST_POINTS = 20_000  # of them
 
 
@@ -159,7 +159,7 @@ def within(boxes: Float[np.ndarray, "n 2 2"], frame: Float[np.ndarray, "2 2"]) -
 
 
 def overlapping(boxes: Float[np.ndarray, "n 2 2"], taken: Float[np.ndarray, "m 2 2"]) -> np.ndarray:
-    """Which boxes share room with one that is taken."""
+    """Which boxes overlap one that is taken."""
     apart = (boxes[:, None, 1] <= taken[None, :, 0]) | (boxes[:, None, 0] >= taken[None, :, 1])
     return np.any(~np.any(apart, axis=-1), axis=-1)
 

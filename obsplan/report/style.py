@@ -29,7 +29,7 @@ FAINT = "#888888"
 LIMIT = "#000000"  # keep-outs, geofence, separations
 BROKEN = "#E3007B"  # where a limit is broken: none of the above, and drawn broader than all of them
 INK = 0.75  # of a colour's brightness, for letters
-LETTERS = 14  # of 8 pt in an inch, and some room
+LETTERS = 14  # of 8 pt in an inch, and some margin
 DPI = 150
 MOST_POINTS = 4000  # of a line over time; more than twice the pixels of its panel
 

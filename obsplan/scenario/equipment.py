@@ -128,9 +128,10 @@ class Equipment:
         """
         firsts = [auv.first_estimate for auv in self.table.auv]
         heading = [None if f.heading_deg is None else np.deg2rad(f.heading_deg) for f in firsts]
+        # None becomes nan
         given = np.array(
             [[f.x, f.y, h, f.speed] for f, h in zip(firsts, heading, strict=True)], dtype=float
-        )  # None becomes nan
+        )
         sigma = np.array(
             [
                 [f.sigma_position, f.sigma_position, np.deg2rad(f.sigma_heading_deg), f.sigma_speed]

@@ -46,9 +46,8 @@ def as_toml(value: object) -> str:
 def as_error(source: str, error: ValidationError) -> ObsplanError:
     """The first fault found, as an error that names file, key, value and remedy."""
     faults = error.errors()
-    fault = next(
-        (f for f in faults if f["type"] == "extra_forbidden"), faults[0]
-    )  # a misspelt key explains the key that is missing
+    # a misspelt key explains the key that is missing
+    fault = next((f for f in faults if f["type"] == "extra_forbidden"), faults[0])
     table, path, field = locate(fault["loc"])
     key = ".".join(path)
     if fault["type"] == "extra_forbidden":

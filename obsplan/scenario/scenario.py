@@ -344,7 +344,7 @@ class Scenario(Equipment):
 
 
 def _asked(survey: Any, speed: float | None, current: Float[np.ndarray, " 2"]) -> Reference:
-    """Motion of a survey, whoever wrote it."""
+    """Motion of a survey; a user's class is checked."""
     reference = survey.reference(speed=speed, current=current)
     if not isinstance(reference, Reference):
         raise ValueError(

@@ -60,16 +60,16 @@ class Autopilot:
             Time [s] for which the vehicle waits at the start.
         """
         waiting = min(round(late / time_step), steps)
-        voyage = _Voyage(track, start, self, time_step)
+        progress = _Progress(track, start, self, time_step)
         done = np.zeros((steps, 2))
         pose = start
         for k in range(waiting, steps):
-            done[k] = command = voyage.command(pose)
+            done[k] = command = progress.command(pose)
             pose = moved(pose, *command, time_step)
         return done
 
 
-class _Voyage:
+class _Progress:
     """How far a vehicle has come on its mission."""
 
     def __init__(self, track: Track, start: Pose, autopilot: Autopilot, time_step: float) -> None:
@@ -145,8 +145,8 @@ def in_wider_turns(
 ) -> Float[np.ndarray, "samples 2"]:
     """Follow a plan with a vehicle that turns wider than the one it was made for.
 
-    At each sample it pursues the place that the plan has a turning radius's time later, no faster
-    than ``cna`` is: so it cuts what it cannot turn, and never falls behind for good.
+    At each sample it pursues the place that the plan reaches one turning radius later, at most at
+    the speed of ``cna``. So it cuts corners that it cannot turn, and never falls behind for good.
 
     Parameters
     ----------

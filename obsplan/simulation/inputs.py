@@ -27,9 +27,10 @@ def streams(seed: int) -> Streams:
 def mission_inputs(scenario: Scenario, start: Pose, seed: int) -> tuple[Carry, Inputs]:
     """The state at time 0, the aid vehicle being at ``start``, and the inputs of every step."""
     process, measurement, _ = streams(seed)
+    # samples, AUVs, basic states
     survey = np.stack(
         [np.column_stack([m.position, m.heading, m.speed]) for m in scenario.motions], axis=1
-    )  # samples, AUVs, basic states
+    )
     steps, auvs = len(survey) - 1, survey.shape[1]
     truth = first_truth(scenario, survey[0])
     carry = first_carry(scenario, start, truth, measurement.standard_normal(truth.shape))

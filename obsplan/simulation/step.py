@@ -57,6 +57,7 @@ class Log(NamedTuple):
     status: Any  # 1
 
 
+# one column, however many AUVs
 OF_ALL = (
     "cna",
     "command",
@@ -66,7 +67,7 @@ OF_ALL = (
     "ping",
     "score",
     "status",
-)  # one column, however many AUVs
+)
 
 
 def shape_of(name: str, scenario: Scenario) -> tuple[int, int]:

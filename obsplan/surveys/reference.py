@@ -86,9 +86,8 @@ class Motion:
 
     time: Float[np.ndarray, " steps"]  # t [s]
     position: Float[np.ndarray, "steps 2"]  # p, east and north [m]
-    heading: Float[
-        np.ndarray, " steps"
-    ]  # ψ [rad], counter-clockwise from east, continuous (not wrapped)
+    # ψ [rad], counter-clockwise from east, continuous (not wrapped)
+    heading: Float[np.ndarray, " steps"]
     speed: Float[np.ndarray, " steps"]  # V, through the water [m/s]
 
 
@@ -114,13 +113,11 @@ class Reference:
     """
 
     polyline: Float[np.ndarray, "n 2"]  # vertices, east and north [m]
-    speed: (
-        Float[np.ndarray, " legs"] | float | None
-    )  # V, through the water, of each leg or of all [m/s]; None only where nothing moves
+    # V, through the water, of each leg or of all [m/s]; None only where nothing moves
+    speed: Float[np.ndarray, " legs"] | float | None
     hold: Float[np.ndarray, " n"] | None = None  # time kept at each vertex [s]; None: none
-    current: Float[np.ndarray, " 2"] = field(
-        default_factory=lambda: np.zeros(2)
-    )  # c, east and north [m/s]
+    # c, east and north [m/s]
+    current: Float[np.ndarray, " 2"] = field(default_factory=lambda: np.zeros(2))
     initial_heading: float = 0.0  # [rad]; used until the vehicle first moves through the water
 
     def __post_init__(self):

@@ -22,9 +22,8 @@ if TYPE_CHECKING:
 SAMPLING = 0.2  # [s] between the samples kept
 TRIALS = 20  # seeds looked through for the image that the thesis shows
 FOLLOWS = 5.0  # greatest distance [m] of an aid vehicle that follows the AUV
-ALIGNED = np.deg2rad(
-    20.0
-)  # between the AUV's course and the line of sight: motion nearly through the beacon
+# between the AUV's course and the line of sight: motion nearly through the beacon
+ALIGNED = np.deg2rad(20.0)
 BEGINNING = 120.0  # [s]; the filter has settled by then
 SIMILAR = 1.5  # ratio of errors up to which two policies perform alike
 

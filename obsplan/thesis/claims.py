@@ -107,9 +107,8 @@ def orbit_bound(gamma: float, min_radius: float) -> float:
 def capture_time(s: float, b: float, *, gamma: float, min_radius: float, speed: float) -> float:
     """Return the time [s] until the aid vehicle is in its last orbit, γ > 0: see `orbit_bound`."""
     tau, t, path = radius_threshold(gamma), abs(b) - min_radius, 0.0
-    if (
-        s > 0 and t < tau and math.hypot(s, t) > min_radius
-    ):  # on the smallest circle until the AUV is r + τ abeam
+    # on the smallest circle until the AUV is r + τ abeam
+    if s > 0 and t < tau and math.hypot(s, t) > min_radius:
         away = math.hypot(s, t)
         path += min_radius * (math.asin(tau / away) - math.asin(t / away))
         s, t = math.sqrt(away**2 - tau**2), tau
@@ -122,9 +121,8 @@ def capture_time(s: float, b: float, *, gamma: float, min_radius: float, speed: 
     if away <= min_radius:
         return path / speed
     straight = math.sqrt(away**2 - min_radius**2)
-    path += min_radius * (
-        math.asin(t / away) + math.asin(min_radius / away)
-    )  # on the smallest circle until the AUV is ahead
+    # on the smallest circle until the AUV is ahead
+    path += min_radius * (math.asin(t / away) + math.asin(min_radius / away))
     return (path + straight) / speed
 
 

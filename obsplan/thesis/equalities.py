@@ -9,9 +9,8 @@ from jaxtyping import Float
 from formulations import empirical_gramian
 from formulations.model.arcs import path
 
-SIGNS = np.diag(
-    [-1.0, -1.0, 1.0]
-)  # between the AUV's pose and its state relative to a moving aid vehicle: a position turned round
+# between the AUV's pose and its state relative to a moving aid vehicle: a position turned round
+SIGNS = np.diag([-1.0, -1.0, 1.0])
 INTERVALS = 60  # of the horizon; even
 HORIZON = 3.0  # [s]
 SPREAD = 3.0  # standard deviation of first positions [m] and headings [rad]

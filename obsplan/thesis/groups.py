@@ -43,9 +43,8 @@ def centroid_offset(data: "xr.Dataset") -> np.ndarray:
 
 def typical_condition(data: "xr.Dataset", since: float = 0.0) -> np.ndarray:
     """Geometric mean over time of the predicted condition number, by start and AUV."""
-    kept = data.condition.isel(time=slice(0, -1)).values[
-        ..., data.time.values[:-1] >= since
-    ]  # the last sample decides nothing
+    # the last sample decides nothing
+    kept = data.condition.isel(time=slice(0, -1)).values[..., data.time.values[:-1] >= since]
     return np.exp(np.log(kept).mean(axis=-1))
 
 

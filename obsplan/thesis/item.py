@@ -26,9 +26,8 @@ class Item:
     name: str  # fig5.1, table5.2, figB.3, study-speeds
     title: str
     claim: str  # what the thesis says, or asks
-    compute: Callable[
-        ..., "xr.Dataset"
-    ]  # (*, runs, seed): the noise seeds, or random starts, numbered or drawn from ``seed`` on
+    # (*, runs, seed): the noise seeds, or random starts, numbered or drawn from ``seed`` on
+    compute: Callable[..., "xr.Dataset"]
     draw: Callable[["xr.Dataset"], "Figure"]
     found: Callable[["xr.Dataset"], Finding]
     rows: Callable[["xr.Dataset"], list[list[str]]] | None = None  # as a table, its heading first

@@ -88,9 +88,8 @@ def fly_as_campaign(cases: Sequence[tuple[Scenario, range]]) -> list[list[list[f
     for k, (scenario, seeds) in enumerate(cases):
         cell = cell_of(scenario, base="thesis", settings=(), seeds=seeds)
         keys.append(cell.key)
-        if cell.key not in cells or len(seeds) > len(
-            cells[cell.key].seeds
-        ):  # cases may be the same under two names
+        # cases may be the same under two names
+        if cell.key not in cells or len(seeds) > len(cells[cell.key].seeds):
             cells[cell.key] = replace(cell, scenario=f"case-{k}")
     with TemporaryDirectory() as folder:
         report = fly_campaign(tuple(cells.values()), folder)

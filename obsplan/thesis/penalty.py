@@ -132,7 +132,7 @@ def draw_random(data: "xr.Dataset") -> Figure:
     guide(axes[1], claims.orbit_bound(1.0, data.min_turn_radius), "bound of the orbit")
     for kind in ("outward", "inward"):
         axes[1].plot([], [], color=CLASS_COLOURS[kind], label=CLASS_NAMES[kind])
-    axes[1].set_ylim(top=1.25 * float(data.distance.max()))  # room for the legend
+    axes[1].set_ylim(top=1.25 * float(data.distance.max()))  # space for the legend
     axes[1].legend(loc="upper right")
     return figure
 
@@ -177,9 +177,8 @@ def compute_gamma(*, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001
     import xarray as xr
 
     b, s = LEG_START
-    measured = np.array(
-        [[flown_leg(gamma, SHORT_STEP / k) for gamma in GAMMAS] for k in (1, 2)]
-    )  # (step, γ, duration | farthest)
+    # (step, γ, duration | farthest)
+    measured = np.array([[flown_leg(gamma, SHORT_STEP / k) for gamma in GAMMAS] for k in (1, 2)])
     exact = np.array([claims.outward_leg(s, b, gamma=gamma, speed=1.0) for gamma in GAMMAS])
     shown = [
         fly(

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 SHARE = 5  # a fifth of the seeds for each case of a study
 SMALL = ("auv.0.survey.legs=3", "auv.0.survey.length=20.0")  # 76 m of survey
+# of the smallest circle; the thesis's is two thirds
 HORIZONS = (
     1 / 6,
     1 / 3,
@@ -35,14 +36,15 @@ HORIZONS = (
     1.0,
     2.0,
     4.0,
-)  # of the smallest circle; the thesis's is two thirds
+)
+# of the simulated horizon; 21 are of 0.1 s, the time step of these missions
 EULER_STEPS = (
     1,
     2,
     5,
     21,
     84,
-)  # of the simulated horizon; 21 are of 0.1 s, the time step of these missions
+)
 SAME = 0.15  # relative difference of errors that is none
 MATTERS = 1.3  # ratio of the greatest to the least error from which a choice matters
 PACES = {
@@ -83,16 +85,16 @@ class EulerHorizon:
         """Sums, not integrals, of the displacement's powers over the steps, in the body frame."""
         dt = two_thirds_turn(self.situation.cna) / self.steps
         heading = self.candidates[:, None] * np.arange(self.steps) * dt
+        # (candidate, step)
         d1, d2 = (
             self.situation.cna.speed * dt * np.cumsum(f(heading), axis=1) for f in (np.cos, np.sin)
-        )  # (candidate, step)
+        )
         sums = [
             dt * power.sum(axis=1)
             for power in (np.ones_like(d1), d1, d2, d1 * d1, d1 * d2, d2 * d2)
         ]
-        return DisplacementMoments(
-            *(np.stack([total, 0 * total, 0 * total]) for total in sums)
-        )  # of t^1 and t^2: AUVs at rest need none
+        # of t^1 and t^2: AUVs at rest need none
+        return DisplacementMoments(*(np.stack([total, 0 * total, 0 * total]) for total in sums))
 
     @property
     def candidates(self) -> np.ndarray:

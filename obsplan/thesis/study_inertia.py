@@ -23,6 +23,7 @@ from obsplan.types import Belief, Decision, Pose
 if TYPE_CHECKING:
     import xarray as xr
 
+# share of the AUV that is hard to localize; a third is equal
 WEIGHTS = (
     0.0,
     0.2,
@@ -31,7 +32,7 @@ WEIGHTS = (
     0.7,
     0.85,
     1.0,
-)  # share of the AUV that is hard to localize; a third is equal
+)
 STRAYS = (  # the first AUV strays ten times as much as the others
     "duration=300.0",
     *(f"auv.{i}.process_noise.position={0.3 if i == 0 else 0.03}" for i in range(3)),

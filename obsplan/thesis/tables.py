@@ -22,9 +22,8 @@ POLICIES = {
     "Circular": ("circle",),
     "Stationary": ("stationary",),
 }
-PRINTED = {
-    "Gramian as printed": ("gramian", 'planner.gramian="thesis"')
-}  # (4.6) without the heading's effect on the ranges
+# (4.6) without the heading's effect on the ranges
+PRINTED = {"Gramian as printed": ("gramian", 'planner.gramian="thesis"')}
 THESIS = {  # distance error, RMS and maximum [m]
     "survey-fast": {
         "Empirical Gramian": (0.1, 2.3),
