@@ -1,6 +1,8 @@
 """What a planner is told and may offer, what is refused in place of one, and what a call costs."""
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from oracles import scenario
 import obsplan as op
 from formulations.model.covariance import Ranging
 from obsplan.constraints import Constraints, Disc
+from obsplan.planners import PLANNERS, planner_class
 from obsplan.planning.interface import CAPABILITIES, check_planner
 
 CNA = op.Unicycle(speed=2.0, min_turn_radius=5.0)
@@ -140,3 +143,21 @@ def test_planner_called_from_two_threads_answers_each_as_if_alone():
     turns = [decision.turn_rate for decision in alone]
     assert [decision.turn_rate for decision in together] == turns * 25
     assert len(set(turns)) > 10
+
+
+def test_vehicle_in_place_of_a_situation_is_refused_with_what_to_give():
+    """In a process of its own: here, types are checked before that."""
+    code = """
+import obsplan as op
+from obsplan.planners import PLANNERS, planner_class
+for name in PLANNERS:
+    if name != "stationary":
+        try:
+            planner_class(name)(op.Unicycle(speed=2.0, min_turn_radius=5.0))
+        except TypeError as error:
+            print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    needs = "needs a situation, obsplan.Situation(cna), got Unicycle"
+    classes = [planner_class(name).__name__ for name in PLANNERS if name != "stationary"]
+    assert done.stdout.splitlines() == [f"{cls} {needs}" for cls in classes]

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from formulations.solution import Status
+from obsplan.planning.checks import check_situation
 from obsplan.planning.expressions import Command, Targets, decide
 from obsplan.planning.situation import Situation
 from obsplan.planning.steering import look_ahead, turn_toward
@@ -35,6 +36,7 @@ class CentroidOrbit:
     ] = None
 
     def __post_init__(self) -> None:
+        check_situation(self)
         least = self.situation.cna.min_turn_radius
         if self.orbit_radius is not None and not least <= self.orbit_radius < np.inf:
             raise ValueError(

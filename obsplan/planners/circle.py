@@ -10,6 +10,7 @@ import numpy as np
 
 from formulations.solution import Status
 from obsplan.constraints import Disc
+from obsplan.planning.checks import check_situation
 from obsplan.planning.expressions import Command, Targets, evaluate
 from obsplan.planning.situation import Situation
 from obsplan.planning.steering import look_ahead, turn_toward
@@ -39,6 +40,7 @@ class Circle:
     ] = True
 
     def __post_init__(self) -> None:
+        check_situation(self)
         if self.center is not None:
             object.__setattr__(self, "center", as_point(self.center))
             if not np.isfinite(self.center).all():

@@ -10,7 +10,7 @@ import numpy as np
 from formulations.model.schedule import time_to_next
 from formulations.solution import Status
 from obsplan.planning.candidates import first_of_the_best
-from obsplan.planning.checks import check_at_least
+from obsplan.planning.checks import check_at_least, check_situation
 from obsplan.planning.expressions import Command, Targets, decide
 from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
@@ -39,6 +39,7 @@ class ErrorEllipse:
     turn_rates: Annotated[int, "number of candidates, at least 2"] = 21
 
     def __post_init__(self) -> None:
+        check_situation(self)
         check_at_least(self, turn_rates=2)
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:

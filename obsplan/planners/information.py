@@ -11,7 +11,7 @@ from formulations.model.covariance import Tracks
 from formulations.model.schedule import Stages, ping_stages
 from formulations.solution import Status
 from obsplan.constraints import Constraints
-from obsplan.planning.checks import check_at_least, check_choices, check_positive
+from obsplan.planning.checks import check_at_least, check_choices, check_positive, check_situation
 from obsplan.planning.fallback import straight_on, unusable
 from obsplan.planning.limits import LimitsAhead
 from obsplan.planning.situation import Situation
@@ -45,6 +45,7 @@ class InformationHorizon:
     beam_width: Annotated[int, "sequences kept at each level, at least 1"] = 128
 
     def __post_init__(self) -> None:
+        check_situation(self)
         check_positive(self, horizon="s")
         check_choices(self)
         check_at_least(self, stages=1, beam_width=1)

@@ -17,6 +17,7 @@ from formulations.path_inertia import (
     path_inertia_radius,
 )
 from formulations.solution import Status
+from obsplan.planning.checks import check_situation
 from obsplan.planning.expressions import Command, Targets, decide
 from obsplan.planning.fallback import predict_path, unusable
 from obsplan.planning.situation import Situation
@@ -62,6 +63,7 @@ class PathInertia:
     ] = None
 
     def __post_init__(self) -> None:
+        check_situation(self)
         _ = problem(self)  # its limits are checked there
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 
 from formulations.model.schedule import intervals
 from formulations.solution import Status
-from obsplan.planning.checks import check_at_least, check_positive
+from obsplan.planning.checks import check_at_least, check_positive, check_situation
 from obsplan.planning.fallback import predict_path, straight_on
 from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
@@ -33,6 +33,7 @@ class RandomTurns:
     hold: Annotated[float, "time a turn is held [s]"] = 5.0
 
     def __post_init__(self) -> None:
+        check_situation(self)
         check_at_least(self, seed=0)
         check_positive(self, hold="s")
 

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from formulations.solution import Status
+from obsplan.planning.checks import check_situation
 from obsplan.planning.expressions import Command, Targets, decide
 from obsplan.planning.situation import Situation
 from obsplan.planning.steering import look_ahead, turn_toward
@@ -33,6 +34,7 @@ class Trail:
     left: Annotated[float, "distance to the left [m]; negative: to the right"] = 0.0
 
     def __post_init__(self) -> None:
+        check_situation(self)
         if not np.isfinite([self.left, self.behind or 0.0]).all():
             raise ValueError(
                 f"behind and left must be finite [m], got {self.behind} and {self.left}"

@@ -1,6 +1,6 @@
 """Refuse options out of their range, by name, value and unit."""
 
-from typing import get_args, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 
@@ -53,3 +53,19 @@ def check_at_least(planner: object, **least: int) -> None:
         value = getattr(planner, name)
         if value is not None and not value >= bound:
             raise ValueError(f"{name} must be at least {bound}, got {value}")
+
+
+def check_situation(planner: Any) -> None:
+    """Refuse what is given in place of the situation, such as the vehicle alone.
+
+    Raises
+    ------
+    TypeError
+        Naming the planner, what it needs and what it got.
+    """
+    given = planner.situation
+    if not hasattr(given, "cna"):
+        raise TypeError(
+            f"{type(planner).__name__} needs a situation, obsplan.Situation(cna), "
+            f"got {type(given).__name__}"
+        )
