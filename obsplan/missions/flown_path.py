@@ -13,10 +13,8 @@ from obsplan.missions.mission import Track
 STANDING = 1e-6  # [m] from sample to sample; a vehicle that moves less stands
 COARSE = 0.02  # share of the tolerances for what lies between the samples that may be waypoints
 # legs end at each of the next possible waypoints, then at every tenth farther
-EVERY, STRIDE = (
-    64,
-    1.1,
-)
+EVERY = 64
+STRIDE = 1.1
 LOOKED_AT = 64  # possible waypoints between the ends of a leg, where there are more
 MOST_COARSE = 20  # of these for each item: with more, the items are not enough by far
 

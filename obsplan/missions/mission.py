@@ -277,17 +277,19 @@ def named_tracks(
 
 def count_of(names: Sequence[str], kind: str, *, most: int = 5) -> str:
     """Count things of a kind and give the first names: `3 points ("a", "b" and 1 more)`."""
-    shown = [
-        '"' + "".join(c if c.isprintable() else "?" for c in name[:_LONGEST]) + '"'
-        for name in names[:most]
-        if name
-    ]
+    shown = [_quoted(name) for name in names[:most] if name]
     unnamed = len(names) - len(shown)
     if shown and unnamed:
         shown.append(f"{unnamed} more")
     listed = " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
     counted = f"{len(names)} {kind}{'' if len(names) == 1 else 's'}"
     return f"{counted} ({listed})" if listed else counted
+
+
+def _quoted(name: str) -> str:
+    """The beginning of a name in quotes, without what cannot be printed."""
+    letters = [letter if letter.isprintable() else "?" for letter in name[:_LONGEST]]
+    return f'"{"".join(letters)}"'
 
 
 def _joined(draft: Draft, geographic: bool) -> Track | None:

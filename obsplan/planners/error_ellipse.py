@@ -56,12 +56,14 @@ class ErrorEllipse:
             *(cna.step(pose[:3], ca.SX(ca.DM([u, cna.speed])), wait)[:2] for u in rates)
         )
         auvs = targets.mean[:2, :] + targets.velocity * wait
-        x, y = (places[i, :].T - ca.repmat(auvs[i, :], self.turn_rates, 1) for i in (0, 1))
+        x = places[0, :].T - ca.repmat(auvs[0, :], self.turn_rates, 1)
+        y = places[1, :].T - ca.repmat(auvs[1, :], self.turn_rates, 1)
         p11, p12, p22 = (
             ca.repmat(targets.position_covariance[i, :], self.turn_rates, 1) for i in range(3)
         )
         square = x**2 + y**2
-        across = (p11 * y**2 - 2 * p12 * x * y + p22 * x**2) / ca.if_else(square > 0, square, 1.0)
+        variance = p11 * y**2 - 2 * p12 * x * y + p22 * x**2
+        across = variance / ca.if_else(square > 0, square, 1.0)
         totals = across @ (targets.weight / ca.sum1(targets.weight))
         best, (turn_rate,) = first_of_the_best(totals, [ca.SX(ca.DM(rates))], [ca.SX(0.0)])
         none = ca.SX.nan(1, targets.mean.shape[1])

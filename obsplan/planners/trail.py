@@ -49,10 +49,8 @@ class Trail:
         cna = self.situation.cna
         share = targets.weight / ca.sum1(targets.weight)
         heading = ca.atan2(ca.sin(targets.mean[2, :]) @ share, ca.cos(targets.mean[2, :]) @ share)
-        ahead, abeam = (
-            ca.vertcat(ca.cos(heading), ca.sin(heading)),
-            ca.vertcat(-ca.sin(heading), ca.cos(heading)),
-        )
+        ahead = ca.vertcat(ca.cos(heading), ca.sin(heading))
+        abeam = ca.vertcat(-ca.sin(heading), ca.cos(heading))
         behind = look_ahead(cna) if self.behind is None else self.behind
         gap = targets.mean[:2, :] @ share - behind * ahead + self.left * abeam - pose[:2]
         wanted = targets.velocity @ share + gap * (cna.speed / look_ahead(cna))

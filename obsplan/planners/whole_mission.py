@@ -260,11 +260,9 @@ class Limits:
 
         So nothing between the samples is missed.
         """
-        limits, filed, world = (
-            self.planner.constraints,
-            self.planner.filed,
-            np.ascontiguousarray(self.frame.world(positions)),
-        )
+        limits = self.planner.constraints
+        filed = self.planner.filed
+        world = np.ascontiguousarray(self.frame.world(positions))
         at = (time / filed.time_step + self.first).round().astype(int).clip(max=filed.time.size - 1)
         # one after the other: each needs a margin of its own at each time
         auvs = np.moveaxis(filed.position, 1, 0)[:, at, None]

@@ -151,7 +151,8 @@ def flown_track(run: Run, sagitta: float) -> tuple[Track, float]:
     since = step * np.arange(parts) / parts
     points = arcs(run.cna[:-1], turn_rate, speed, since)[..., :2].reshape(-1, 2)
     time = (run.time[:-1, None] + since).ravel()
-    track = Track(points=np.vstack([points, run.cna[-1:, :2]]), time=np.append(time, run.time[-1]))
+    to_the_end = np.vstack([points, run.cna[-1:, :2]])
+    track = Track(points=to_the_end, time=np.append(time, run.time[-1]))
     return track, bulge / parts**2
 
 
@@ -170,17 +171,16 @@ def judge(run: Run, track: Track, cna: Unicycle, progress: Progress | None = Non
             done[way].append(loop.fly(seed, start=start))
             if progress:
                 progress(i * len(seeds) + n + 1, len(flights) * len(seeds))
-    error = {way: float(np.median([r.rms_error for r in runs])) for way, runs in done.items()}
-    limited = bool(run.scenario.constraints)
+    error, violation = {CLOSED_LOOP: run.rms_error}, {}
+    for way, runs in done.items():
+        error[way] = float(np.median([one.rms_error for one in runs]))
+        if run.scenario.constraints:
+            violation[way] = float(max(one.violation.max() for one in runs))
     return Costs(
         seeds=seeds,
         closed_loop_seeds=seeds if reacting else (run.seed,),
-        rms_error={CLOSED_LOOP: run.rms_error, **error},
-        violation={
-            way: float(max(r.violation.max() for r in runs))
-            for way, runs in done.items()
-            if limited
-        },
+        rms_error=error,
+        violation=violation,
     )
 
 

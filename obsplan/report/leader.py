@@ -140,10 +140,8 @@ def chance(standing: Standing) -> str:
     """Whether chance could explain the lead."""
     count = max(row["pairs"] for row in standing.rivals.values())
     if standing.too_few:
-        least, seeds = (
-            fewest_pairs(standing.comparisons),
-            "1 seed" if count == 1 else f"{count} seeds",
-        )
+        least = fewest_pairs(standing.comparisons)
+        seeds = "1 seed" if count == 1 else f"{count} seeds"
         advice = f"from {least} on (--runs {least}) it can be told"
         return f"With {seeds} any lead could be chance; {advice}."
     corrected = f"signed-rank test, corrected for {standing.comparisons} comparisons"

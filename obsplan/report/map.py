@@ -239,7 +239,13 @@ def _pinged(run: Run, i: int) -> Integer[np.ndarray, " pings"]:
 
 def _every_ping(pings: int) -> int:
     """One in how many ranges is marked: a round number."""
-    return next(n for n in (1, 2, 5, *(10 * 2**k for k in range(20))) if pings <= n * MOST_PINGS)
+    for one_in in (1, 2, 5):
+        if pings <= one_in * MOST_PINGS:
+            return one_in
+    one_in = 10
+    while pings > one_in * MOST_PINGS:
+        one_in *= 2
+    return one_in
 
 
 def _draw_pings(axes: Axes, run: Run) -> None:

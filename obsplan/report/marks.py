@@ -108,7 +108,8 @@ def draw_labels(
     frame = scale * np.stack([axes.get_xlim(), axes.get_ylim()], axis=1)
     dots = np.concatenate([dotted(line * scale, SPACING) for line in lines])
     places = [scale * label.at for label in labels]
-    taken = np.array([[place - MARK / 2, place + MARK / 2] for place in places]).reshape(-1, 2, 2)
+    marks = [[place - MARK / 2, place + MARK / 2] for place in places]
+    taken = np.array(marks).reshape(-1, 2, 2)
     for label, place in zip(labels, places, strict=True):
         boxes, cost = candidate_boxes(place, label.text)
         free = within(boxes, frame) & ~overlapping(boxes, taken)

@@ -10,7 +10,9 @@ NO_BOUND = "No bound over all paths was asked for: how much better any could be 
 
 def metres(value: float) -> str:
     """A length to three figures or so."""
-    return f"{value:.2f} m" if value < 10 else f"{value:.1f} m" if value < 100 else f"{value:.0f} m"
+    if value < 10:
+        return f"{value:.2f} m"
+    return f"{value:.1f} m" if value < 100 else f"{value:.0f} m"
 
 
 def time_unit(longest: float) -> tuple[float, str]:

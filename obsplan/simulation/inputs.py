@@ -56,8 +56,6 @@ def first_carry(scenario: Scenario, start: Pose, truth: np.ndarray, error: np.nd
     """Truth, first estimates and the aid vehicle's pose at time 0."""
     mean = first_mean(scenario, truth, error)
     lower = pack_array(first_covariance(scenario, scenario.filter_states))
-    cna, command = (
-        np.array([[start.x, start.y, start.heading]]),
-        np.array([[0.0, scenario.cna.speed]]),
-    )
+    cna = np.array([[start.x, start.y, start.heading]])
+    command = np.array([[0.0, scenario.cna.speed]])
     return Carry(cna, command, truth, mean, lower, mean, lower)

@@ -140,8 +140,9 @@ class ClosedLoop:
 
     def _advance(self, carry: Carry, inputs: Inputs, log: Log, k: int, n: int) -> None:
         """Take n steps from step k on."""
-        given = [a[k] for a in carry] + [a[k : k + n] for a in inputs]
-        wanted = [a[k + 1 : k + 1 + n] for a in carry] + [a[k : k + n] for a in log]
+        steps, after = slice(k, k + n), slice(k + 1, k + 1 + n)
+        given = [a[k] for a in carry] + [a[steps] for a in inputs]
+        wanted = [a[after] for a in carry] + [a[steps] for a in log]
         evaluate(in_sequence(self.step, n, len(Carry._fields)), given, wanted)
 
     def _walk(

@@ -87,7 +87,9 @@ def outward_leg(s: float, b: float, *, gamma: float, speed: float) -> tuple[floa
     """
     tau = radius_threshold(gamma)
     rho = abs(b) - tau
-    return (rho * s + s**3 / (3.0 * tau)) / (speed * tau), rho + s**2 / (2.0 * tau) + tau
+    duration = (rho * s + s**3 / (3.0 * tau)) / (speed * tau)
+    farthest = rho + s**2 / (2.0 * tau) + tau
+    return duration, farthest
 
 
 def orbit_bound(gamma: float, min_radius: float) -> float:

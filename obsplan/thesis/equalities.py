@@ -45,10 +45,8 @@ def gramian_equalities(trajectories: int, seed: int) -> Equality:
 def current_difference(rng: np.random.Generator) -> float:
     """Fixed CNA: x = (AUV, its current). Fixed AUV: r = -x, ṙ = -u + ΔW, the CNA moving by u."""
     moved = displacement(SPREAD * rng.normal(), rng.uniform(-2.0, 2.0, INTERVALS))
-    x, time = (
-        rng.normal(size=4) * [SPREAD, SPREAD, CURRENT, CURRENT],
-        np.linspace(0.0, HORIZON, INTERVALS + 1)[:, None],
-    )
+    x = rng.normal(size=4) * [SPREAD, SPREAD, CURRENT, CURRENT]
+    time = np.linspace(0.0, HORIZON, INTERVALS + 1)[:, None]
 
     def square(p: np.ndarray) -> np.ndarray:
         return (p**2).sum(axis=1, keepdims=True)

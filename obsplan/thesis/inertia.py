@@ -129,7 +129,8 @@ def found_random(data: "xr.Dataset") -> Finding:
     """Every start behaves as its class says; closed forms are met to the time step's error."""
     d, starts = first_distance(data), first_offsets(data)
     monotone = sum(claims.is_monotone(d[i], s, slack=0.0) for i, (s, _) in enumerate(starts))
-    passed = [i for i, (s, _) in enumerate(starts) if s < 0 and d[i].argmin() < d.shape[1] - 1]
+    last = d.shape[1] - 1
+    passed = [i for i, (s, _) in enumerate(starts) if s < 0 and d[i].argmin() < last]
     expected = np.array([claims.nearest_pass(*starts[i], data.min_turn_radius) for i in passed])
     nearest = d[passed].min(axis=1)
     through = expected == 0.0

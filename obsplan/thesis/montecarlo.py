@@ -130,8 +130,10 @@ def is_mirrored(run: Run) -> bool:
 
 def interval(share: float, n: int) -> tuple[float, float]:
     """95 % confidence interval of a share of n (Wilson 1927)."""
-    middle = (share + Z95**2 / (2 * n)) / (1 + Z95**2 / n)
-    half = Z95 / (1 + Z95**2 / n) * np.sqrt(share * (1 - share) / n + Z95**2 / (4 * n**2))
+    scale = 1 + Z95**2 / n
+    middle = (share + Z95**2 / (2 * n)) / scale
+    variance = share * (1 - share) / n + Z95**2 / (4 * n**2)
+    half = Z95 / scale * np.sqrt(variance)
     return middle - half, middle + half
 
 

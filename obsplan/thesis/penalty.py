@@ -93,10 +93,8 @@ def draw_two(data: "xr.Dataset") -> Figure:
 def found_two(data: "xr.Dataset") -> Finding:
     """The outward start goes out once; both end within the bound."""
     out, falling = first_distance(data)
-    bound, last = (
-        claims.orbit_bound(1.0, data.min_turn_radius),
-        data.time.values > data.time.values[-1] - LAST / 2,
-    )
+    bound = claims.orbit_bound(1.0, data.min_turn_radius)
+    last = data.time.values > data.time.values[-1] - LAST / 2
     grows, step = np.diff(falling)[0] > 0, data.speed * data.time_step
     leg = claims.first_turn(out)
     return Finding(
@@ -155,10 +153,8 @@ def found_random(data: "xr.Dataset") -> Finding:
     )
     given, kinds = needed < float(data.time[-1]) - LAST, classes(data)
     as_classed = sum((d[i, 1] > d[i, 0]) == (kind == "outward") for i, kind in enumerate(kinds))
-    bound, last = (
-        claims.orbit_bound(1.0, data.min_turn_radius),
-        data.time.values > data.time.values[-1] - LAST,
-    )
+    bound = claims.orbit_bound(1.0, data.min_turn_radius)
+    last = data.time.values > data.time.values[-1] - LAST
     return Finding(
         agrees=bool(done[given].all() and as_classed == len(kinds)),
         sentence=(

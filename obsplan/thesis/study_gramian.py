@@ -188,11 +188,9 @@ def found_horizon(data: "xr.Dataset") -> Finding:
     for name, label in PACES.items():
         median = data.rms_error.sel(scenario=name).median("seed").values
         euler = data.euler_rms_error.sel(scenario=name).median("seed").values
-        best, thesis, factor = (
-            int(median.argmin()),
-            HORIZONS.index(2 / 3),
-            median.max() / median.min(),
-        )
+        best = int(median.argmin())
+        thesis = HORIZONS.index(2 / 3)
+        factor = median.max() / median.min()
         coarse = np.flatnonzero(np.abs(euler / euler[-1] - 1.0) > SAME)
         enough = EULER_STEPS[coarse[-1] + 1] if coarse.size else EULER_STEPS[0]
         parts.append(

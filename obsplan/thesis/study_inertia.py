@@ -77,12 +77,12 @@ def strayed(*settings: str) -> Scenario:
 def compute_weights(*, runs: int, seed: int) -> "xr.Dataset":
     """Errors by the straying AUV's share of the weight, and with weights by the covariances."""
     numbers, one = seeds(runs, seed), strayed()
-    cases = {
-        (f"{share:.2f}",): strayed(
-            f"auv.0.weight={share}", *(f"auv.{i}.weight={(1 - share) / 2}" for i in (1, 2))
-        )
-        for share in WEIGHTS
-    }
+    cases = {}
+    for share in WEIGHTS:
+        others = (1 - share) / 2
+        weights = (share, others, others)
+        settings = [f"auv.{i}.weight={weight}" for i, weight in enumerate(weights)]
+        cases[(f"{share:.2f}",)] = strayed(*settings)
     static = fly_grid(cases, ("share",), numbers).assign_coords(share=list(WEIGHTS))
     planner = CovarianceWeighted(one.situation, PathInertia(one.situation, gamma=1.0))
     dynamic = fly_grid({("dynamic",): one}, ("weights",), numbers, lambda _: planner).isel(

@@ -129,10 +129,8 @@ def reason(name: str, data: "xr.Dataset", better: str, worse: str) -> str:
             f"did, to {thesis:g} m"
         )
     if not clauses:
-        ours, theirs = (
-            (figure(np.median(errors[better])), figure(np.median(errors[worse]))),
-            (THESIS[name][p][0] for p in (better, worse)),
-        )
+        ours = (figure(np.median(errors[better])), figure(np.median(errors[worse])))
+        theirs = (THESIS[name][p][0] for p in (better, worse))
         clauses.append(
             f"medians {' and '.join(ours)} m, the thesis's runs "
             f"{' and '.join(f'{value:g}' for value in theirs)} m"

@@ -65,5 +65,10 @@ def read_angle(text: str, where: str) -> tuple[float, str]:
 def _match(text: str) -> re.Match[str] | None:
     """The parts of an angle."""
     plain = text.strip().translate(_MARKS).replace("''", '"')
-    plain = _IN_LETTERS.sub(lambda m: f"{m[1]}°{m[2]}'" + (f'{m[3]}"' if m[3] else ""), plain)
-    return _ANGLE.fullmatch(plain)
+    return _ANGLE.fullmatch(_IN_LETTERS.sub(_in_marks, plain))
+
+
+def _in_marks(letters: re.Match[str]) -> str:
+    """Degrees, minutes and perhaps seconds with marks in place of letters."""
+    degrees, minutes, seconds = letters.groups()
+    return f"{degrees}°{minutes}'" + (f'{seconds}"' if seconds else "")
