@@ -5,8 +5,14 @@ import numpy as np
 import pytest
 
 from formulations.model import library as module
+from formulations.model import recursion
 from formulations.model.library import find_compiler
 from formulations.model.recursion import Recursion
+
+
+@pytest.fixture(autouse=True)
+def compiled_at_once(monkeypatch):
+    monkeypatch.setattr(recursion, "BREAK_EVEN", 0)
 
 
 def spiral():
@@ -20,10 +26,10 @@ def inputs(steps):
     return rng.normal(size=(steps, 3, 3)), rng.normal(size=steps)
 
 
-def walked(recursion, A, b):
+def walked(turning, A, b):
     x = np.empty((len(b) + 1, 3))
     x[0] = 1.0, -2.0, 0.5
-    recursion(x, A, b)
+    turning(x, A, b)
     return x
 
 
@@ -70,17 +76,31 @@ def test_one_library_serves_any_number_of_steps(tmp_path, monkeypatch):
     assert len(list((tmp_path / "cache").iterdir())) == 1
 
 
+@pytest.mark.skipif(find_compiler() is None, reason="needs a C compiler")
+def test_what_is_done_sooner_without_is_not_compiled(tmp_path, monkeypatch):
+    monkeypatch.setenv("OBSPLAN_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(recursion, "BREAK_EVEN", 100)
+    short = Recursion(spiral())
+    count = lambda: len(list((tmp_path / "cache").iterdir()))  # noqa: E731
+    walked(short, *inputs(60))
+    assert count() == 0
+    walked(short, *inputs(60))
+    assert count() == 1
+    monkeypatch.setattr(module, "_built", None)  # what was built is loaded, not built again
+    walked(Recursion(spiral()), *inputs(3))
+
+
 def test_no_steps_leave_the_first_sample_as_it_is():
     assert walked(Recursion(spiral()), *inputs(0)).tolist() == [[1.0, -2.0, 0.5]]
 
 
 def test_what_does_not_fit_is_refused_before_it_is_read():
     A, b = inputs(5)
-    recursion, x = Recursion(spiral()), np.ones((6, 3))
+    turning, x = Recursion(spiral()), np.ones((6, 3))
     with pytest.raises(ValueError, match="input 1 must be 9 numbers for each of 5 steps"):
-        recursion(x, A[:4], b)
+        turning(x, A[:4], b)
     with pytest.raises(ValueError, match="input 2 must be 1 numbers for each of 5 steps"):
-        recursion(x, A, np.ones(6))
+        turning(x, A, np.ones(6))
     for wrong in (np.ones((6, 2)), np.ones((3, 6)).T, np.ones((6, 3), dtype=np.float32)):
         with pytest.raises(ValueError, match="x must be 3 floats for each of 6 samples"):
-            recursion(wrong, A, b)
+            turning(wrong, A, b)

@@ -212,8 +212,10 @@ class Cases:
         return results
 
 
-def cases_driver(function: ca.Function) -> Any:
+def cases_driver(function: ca.Function, *, build: bool = True) -> Any:
     """What runs a Function's machine code for one case after the other; None without a compiler.
+
+    None, too, if it would have to be built and need not be now.
 
     It takes the number of cases; how many numbers each argument's next case is further on, then
     each result's; pointers to those of the first case; and memory to work in, integers and reals.
@@ -225,7 +227,7 @@ def cases_driver(function: ca.Function) -> Any:
         n_in=function.n_in(),
         n_out=function.n_out(),
     )
-    library = compiled_library(generate(function) + driver, asked_for=False)
+    library = compiled_library(generate(function) + driver, asked_for=False, build=build)
     if library is None:
         return None
     run = ctypes.CDLL(str(library))[f"{function.name()}_cases"]

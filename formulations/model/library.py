@@ -25,10 +25,11 @@ ELSEWHERE = "OBSPLAN_CACHE names another folder"
 log = logging.getLogger("obsplan")
 
 
-def compiled_library(source: str, *, asked_for: bool) -> Path | None:
+def compiled_library(source: str, *, asked_for: bool, build: bool = True) -> Path | None:
     """Path of the shared library of a C source; None, with a message, where it cannot be made.
 
-    That there is no compiler is said only to who has ``asked_for`` one. Libraries are kept in the
+    That there is no compiler is said only to who has ``asked_for`` one. Where it need not be built
+    now, not ``build``, it is None unless it was built before. Libraries are kept in the
     user's cache folder (``OBSPLAN_CACHE`` names another), each built under a temporary name and
     renamed: processes may compile at once.
     """
@@ -38,7 +39,7 @@ def compiled_library(source: str, *, asked_for: bool) -> Path | None:
             say_there_is_no_compiler()
         return None
     try:
-        return cached_library(source, compiler)
+        return cached_library(source, compiler, build=build)
     except subprocess.TimeoutExpired:
         reason = f"{compiler} did not end within {PATIENCE:.0f} s"
     except subprocess.CalledProcessError as error:
@@ -69,8 +70,8 @@ def say_there_is_no_compiler() -> None:
     )
 
 
-def cached_library(source: str, compiler: str) -> Path:
-    """Path of the shared library for a source, compiled unless it is there already.
+def cached_library(source: str, compiler: str, *, build: bool = True) -> Path | None:
+    """Path of the shared library for a source; unless it is there, compiled or None.
 
     Raises
     ------
@@ -87,7 +88,7 @@ def cached_library(source: str, compiler: str) -> Path:
             return library
         log.warning("generated code in %s is damaged; it is built anew", library)
         library.unlink(missing_ok=True)
-    return _built(source, compiler, folder, key)
+    return _built(source, compiler, folder, key) if build else None
 
 
 def _built(source: str, compiler: str, folder: Path, key: str) -> Path:

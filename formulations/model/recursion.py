@@ -7,17 +7,22 @@ import numpy as np
 
 from .casadi import cases_driver, evaluate, in_sequence
 
+# Steps that take as long in the virtual machine as compiling, a quarter of a second.
+BREAK_EVEN = 100_000
+
 
 class Recursion:
     """A Function (x, inputs) -> x, each step's from the last one's.
 
-    Where there is a compiler it runs as machine code, which is compiled once for any number of
-    steps and gives the same bits as CasADi's virtual machine.
+    Where there is a compiler it runs as machine code, which serves any number of steps and gives
+    the same bits as CasADi's virtual machine. That is compiled once for ever, but not before
+    `BREAK_EVEN` steps were asked for: until then a short mission is done sooner without.
     """
 
     def __init__(self, function: ca.Function) -> None:
         self.function = function
-        self._run = cases_driver(function)
+        self._run = cases_driver(function, build=False)
+        self._left = BREAK_EVEN  # steps without machine code
         self._strides = ctypes.c_longlong * (function.n_in() + 1)
         self._given = ctypes.c_void_p * function.n_in()
         self._reals, self._integers = function.sz_w(), function.sz_iw()
@@ -32,6 +37,9 @@ class Recursion:
         self._check(x, inputs)
         if steps == 0:
             return
+        if self._run is None and self._left >= 0:
+            self._left -= steps
+            self._run = cases_driver(self.function) if self._left < 0 else None
         if self._run is None:
             given = [np.ascontiguousarray(a, dtype=float) for a in (x[0], *inputs)]
             evaluate(in_sequence(self.function, steps, 1), given, [x[1:]])
