@@ -78,7 +78,7 @@ def check_refused(folder, name, content, message):
     assert str(path) in str(caught.value)
 
 
-def check_survives_damage(folder, name, content, *, copies=300):
+def check_survives_damage(folder, name, content, *, copies=100):
     """Damaged copies of a file give a mission or our error, whatever the damage."""
     rng = np.random.default_rng(10)
     outcomes, messages = set(), []

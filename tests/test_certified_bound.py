@@ -41,7 +41,9 @@ def rms_of_bearings(model, pings, bearing, sigma):
     return position_rms(posterior_cramer_rao(model["P0"], model["F"], model["Q"], J))
 
 
-@pytest.mark.parametrize(("finest", "models"), [(FINEST, 50), (10, 10)])
+@pytest.mark.parametrize(
+    ("finest", "models"), [pytest.param(FINEST, 50, marks=pytest.mark.slow), (10, 10)]
+)
 def test_bound_is_below_a_thousand_random_paths_and_models_and_its_gap_closes(
     finest, models, monkeypatch
 ):

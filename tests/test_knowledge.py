@@ -118,9 +118,9 @@ def test_truth_is_the_truth_now_and_the_rest_of_the_survey_from_there():
 
 @dataclass(frozen=True)
 class Echo:
-    """A user's planner that is an expression: its score is one thing it was told, so that a run records it."""
+    """A user's planner that is an expression: its figures are three things it was told, so that a run records them."""
 
-    thing: int
+    first: int
 
     def plan(self, pose, auvs, *, time=0.0):
         told = [time, pose.x, pose.y, pose.heading, pose.turn_rate]
@@ -138,8 +138,9 @@ class Echo:
             turn_rate=0.1,
             speed=1.0,
             predict=lambda: path,
-            score=float(told[self.thing]),
+            score=float(told[self.first]),
             status=Status.OPTIMAL,
+            condition=np.array(told[self.first + 1 : self.first + 3]),
         )
 
     def expression(self, time, pose, targets):
@@ -148,7 +149,11 @@ class Echo:
         )
         told = ca.vertcat(time, pose, ca.vec(auvs))
         return Command(
-            ca.SX(0.1), ca.SX(1.0), told[self.thing], ca.SX.nan(1, 2), ca.SX(float(Status.OPTIMAL))
+            turn_rate=ca.SX(0.1),
+            speed=ca.SX(1.0),
+            score=told[self.first],
+            condition=told[self.first + 1 : self.first + 3].T,
+            status=ca.SX(float(Status.OPTIMAL)),
         )
 
 
@@ -157,12 +162,11 @@ def test_planner_inside_the_step_is_told_what_one_outside_is(knowledge):
     mission = scenario(
         planner__knowledge=knowledge, environment__current=CURRENT, auv__1__weight=3.0, duration=5.0
     )
-    for thing in range(25):
-        inside, outside = (
-            op.simulate(mission, planner=Echo(thing)),
-            op.simulate(mission, planner=Spy(Echo(thing))),
-        )
+    for first in (*range(0, 22, 3), 22):  # of 25 things
+        inside = op.simulate(mission, planner=Echo(first))
+        outside = op.simulate(mission, planner=Spy(Echo(first)))
         assert inside.timing.decision_seconds == []
+        np.testing.assert_array_equal(inside.condition, outside.condition)
         np.testing.assert_array_equal(inside.score, outside.score)
 
 

@@ -275,11 +275,11 @@ def graft(content, rng):
 
 
 @pytest.mark.parametrize("name", WHOLE)
-def test_300_damaged_files_give_a_mission_or_our_error_and_soon(tmp_path, name):
+def test_damaged_files_give_a_mission_or_our_error_and_soon(tmp_path, name):
     assert track(read_mission(write(tmp_path, name, WHOLE[name])))
     rng = random.Random(name)
     read = 0
-    for _ in range(300):
+    for _ in range(100):
         path = write(
             tmp_path, name, rng.choice([flip, truncate, cut, swap, graft])(WHOLE[name], rng)
         )
@@ -292,4 +292,4 @@ def test_300_damaged_files_give_a_mission_or_our_error_and_soon(tmp_path, name):
         except ObsplanError as error:
             check_one_sentence(str(error).replace(str(path), "FILE"))
         assert time.perf_counter() - begin < 20
-    assert 10 < read < 290  # some are harmless, and some are not
+    assert 5 < read < 95  # some are harmless, and some are not

@@ -22,10 +22,14 @@ ONE_SIDED = {
     "circle",
     "random",
 }  # go their way in a mirror, too: the mirror image is another planner
-SEARCHES = {"trajectory", "whole-mission"}  # their decisions take a solver's time
+COSTLY = {
+    "trajectory",
+    "whole-mission",
+    "empirical",
+}  # planners and choices that take a second or so to build or to decide
 FEW = {"whole-mission": {"starts": 2}}  # options that make searches short
-WORLDS = {name: 3 for name in SEARCHES}  # that a search is asked of
-LASTS = {name: 6.0 for name in SEARCHES}  # flights of a search [s]
+WORLDS = 3  # that a costly one is asked of
+LASTS = {"trajectory": 6.0, "whole-mission": 6.0}  # flights of a search [s]
 BESIDES = [
     ("path-inertia", {"gamma": 0.0}),
     ("path-inertia", {"change_weight": 0.5}),
@@ -47,19 +51,28 @@ def variants():
             )
 
 
-def marks(name):
-    return [pytest.mark.slow] if name in SEARCHES else []
+def costly(name, options):
+    return not COSTLY.isdisjoint([name, *options.values()])
+
+
+def marks(name, options):
+    return [pytest.mark.slow] if costly(name, options) else []
+
+
+def worlds(name, options, usual):
+    """How many worlds a planner is asked of."""
+    return WORLDS if costly(name, options) else usual
 
 
 every_planner = pytest.mark.parametrize(
     ("name", "options"),
     [
-        pytest.param(*v, id="-".join(map(str, [v[0], *v[1].values()])), marks=marks(v[0]))
+        pytest.param(*v, id="-".join(map(str, [v[0], *v[1].values()])), marks=marks(*v))
         for v in variants()
     ],
 )
 every_plain_planner = pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=marks(name)) for name in PLANNERS]
+    "name", [pytest.param(name, marks=marks(name, {})) for name in PLANNERS]
 )
 
 
@@ -131,7 +144,7 @@ def same(a, b):
 def test_decision_is_finite_within_the_limits_and_starts_where_the_vehicle_is(name, options):
     rng = np.random.default_rng(1)
     limit = 2.0 / 5.0  # of the scenario's vehicle
-    for _ in range(WORLDS.get(name, 20)):
+    for _ in range(worlds(name, options, 8)):
         pose, legs = world(rng)
         planner = built(name, options, legs)
         decision = planner.plan(pose, beliefs(legs), time=3.0)
@@ -149,7 +162,7 @@ def test_decision_is_finite_within_the_limits_and_starts_where_the_vehicle_is(na
 @every_planner
 def test_predicted_path_begins_on_the_arc_of_the_decision(name, options):
     rng = np.random.default_rng(2)
-    for _ in range(WORLDS.get(name, 5)):
+    for _ in range(worlds(name, options, 5)):
         pose, legs = world(rng)
         decision = built(name, options, legs).plan(pose, beliefs(legs))
         if decision.speed == 0:
@@ -179,7 +192,7 @@ def test_same_question_gets_the_same_answer_also_from_an_equal_planner(name, opt
 @every_planner
 def test_planner_turns_with_the_world(name, options):
     rng = np.random.default_rng(4)
-    for _ in range(WORLDS.get(name, 10)):
+    for _ in range(worlds(name, options, 5)):
         pose, legs = world(rng)
         there, moved = turned(pose, legs, 0.7, np.array([31.0, -17.0]))
         here = built(name, options, legs).plan(pose, beliefs(legs))
@@ -198,7 +211,7 @@ def test_planner_turns_the_other_way_in_the_mirror(name, options):
     if name in ONE_SIDED:
         return
     rng = np.random.default_rng(5)
-    for _ in range(WORLDS.get(name, 10)):
+    for _ in range(worlds(name, options, 5)):
         pose, legs = world(rng)
         there, moved = mirrored(pose, legs)
         here, mirror = (

@@ -11,7 +11,7 @@ import obsplan as op
 from formulations.solution import Status
 from obsplan.simulation import ClosedLoop
 from obsplan.simulation import inputs as loop_inputs
-from obsplan.simulation.inputs import mission_inputs
+from obsplan.simulation.inputs import mission_inputs, streams
 
 QUIET = {
     "process_noise": {},
@@ -282,6 +282,17 @@ def test_process_and_measurement_noise_come_from_streams_of_their_own():
     precise = op.simulate(scenario(ranging__sigma=0.25))
     np.testing.assert_array_equal(one.truth, precise.truth)
     np.testing.assert_allclose(range_error(one) / 4, range_error(precise), atol=1e-12)
+    rarer = op.simulate(scenario(ranging__interval=7.0))
+    np.testing.assert_array_equal(one.truth, rarer.truth)
+
+
+def test_no_two_streams_share_a_number_nor_does_one_wait_for_another():
+    drawn = [stream.standard_normal(100) for seed in (5, 6) for stream in streams(seed)]
+    assert np.unique(drawn).size == 600
+    fresh, used = streams(5), streams(5)
+    used.measurement.standard_normal(17)
+    assert fresh.process.standard_normal() == used.process.standard_normal()
+    assert fresh.planner.standard_normal() == used.planner.standard_normal()
 
 
 def test_longer_missions_begin_as_shorter_ones():

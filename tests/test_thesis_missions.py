@@ -96,6 +96,7 @@ def test_gramian_method_runs_away_outward_unless_the_heading_coupling_is_dropped
     assert away["thesis"] < 1.0
 
 
+@pytest.mark.slow
 def test_random_starts_settle_but_for_the_distant_outward_ones():
     data = ITEMS["fig5.11"].compute(runs=40, seed=1)
     share = {variant: settled(data.sel(gramian=variant)).mean() for variant in ("exact", "thesis")}

@@ -75,7 +75,7 @@ def test_plan_depends_on_no_noise_and_is_flown_to_the_letter():
 
 
 def test_vehicle_off_its_plan_gets_one_for_the_rest_of_the_mission():
-    mission = small()
+    mission = small(starts=2)
     planner, pose = mission.planner(), mission.start
     whole = planner.open_loop(pose)
     along = whole.poses(pose, 0.0, 20.0)[-1]
@@ -246,6 +246,7 @@ def test_plan_made_near_the_end_expects_no_ranges_but_the_missions(monkeypatch):
     assert asked[0].ping_every == 14
 
 
+@pytest.mark.slow
 def test_limits_that_cannot_be_kept_are_said_to_be_violated():
     run = op.simulate(small(starts=2, constraints={"max_separation": 20.0}))  # it starts 80 m away
     assert run.status_counts == {"violated": 40}
@@ -287,9 +288,8 @@ def test_turns_last_half_the_time_between_ranges_and_are_bounded_in_number():
         ranging={"interval": 4.0},
     )
     assert long.planner().turn_duration == 10.0
-    asked = scenario(
-        planner={"kind": "whole-mission", "interval": 1.0, "segment": 5.0}, duration=60.0
-    )
+    planner = {"kind": "whole-mission", "interval": 1.0, "segment": 5.0, "starts": 2}
+    asked = scenario(planner=planner, duration=60.0)
     assert asked.planner().turn_duration == 5.0
     assert asked.planner().open_loop(asked.start).turn_rates.size == 12
 
