@@ -78,11 +78,11 @@ def check_refused(folder, name, content, message):
     assert str(path) in str(caught.value)
 
 
-def check_survives_damage(folder, name, content, *, copies=100):
+def check_survives_damage(folder, name, content):
     """Damaged copies of a file give a mission or our error, whatever the damage."""
     rng = np.random.default_rng(10)
     outcomes, messages = set(), []
-    for _ in range(copies):
+    for _ in range(100):
         path = write(folder, name, damaged(content, rng))
         try:
             outcomes.add(type(read_mission(path)))
