@@ -300,6 +300,8 @@ def test_more_freedom_in_the_turns_and_other_random_ones_are_other_plans():
         small().planner().open_loop(small().start),
         replace(small().planner(), segment=5.0).open_loop(small().start),
     )
-    assert coarse.plan.score < fine.plan.score
+    assert coarse.plan.objective < fine.plan.objective
     other = replace(small().planner(), search_seed=2)
-    assert other.open_loop(small().start).plan.score == pytest.approx(coarse.plan.score, rel=0.02)
+    assert other.open_loop(small().start).plan.objective == pytest.approx(
+        coarse.plan.objective, rel=0.02
+    )
