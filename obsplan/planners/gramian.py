@@ -1,6 +1,6 @@
 """Gramian horizon: hold the turn that makes the AUVs most observable (thesis chapter 4)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import lru_cache, partial
 from typing import Annotated, Literal
@@ -14,7 +14,7 @@ from formulations.gramian.pings import ping_moments
 from formulations.gramian.range import DisplacementMoments, displacement_moments, gramian_entries
 from formulations.metrics import position_schur_expression, score_expression
 from formulations.model.arcs import arcs
-from formulations.model.casadi import Call
+from formulations.model.casadi import Call, symbol
 from formulations.model.frames import to_body
 from formulations.model.schedule import time_to_next
 from formulations.solution import Status
@@ -23,12 +23,15 @@ from obsplan.planning.candidates import first_of_the_best
 from obsplan.planning.checks import check_at_least, check_choices, check_positive, check_situation
 from obsplan.planning.expressions import (
     Command,
+    Mapped,
+    Symbolic,
     Targets,
     decide,
     decision_of,
     fill,
     packed,
     symbols,
+    unrolled,
 )
 from obsplan.planning.fallback import unusable
 from obsplan.planning.limits import LimitsAhead
@@ -137,9 +140,9 @@ class GramianHorizon:
         return self.situation.constraints
 
     @property
-    def expression(self) -> Callable[..., Command] | None:
+    def expression(self) -> Mapped | None:
         """The decision as an expression; None where limits have to be looked at."""
-        return None if self.constraints else self.choose
+        return None if self.constraints else Mapped(self.choose)
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Choose the best candidate."""
@@ -150,30 +153,26 @@ class GramianHorizon:
 
     def choose(
         self,
-        time: ca.SX,
-        pose: ca.SX,
+        time: Symbolic,
+        pose: Symbolic,
         targets: Targets,
-        allowed: ca.SX | None = None,
-        otherwise: ca.SX | None = None,
+        allowed: Symbolic | None = None,
+        otherwise: Symbolic | None = None,
     ) -> Command:
-        """The best of the allowed candidates, all of them scored by one expression.
+        """The best of the allowed candidates; a Function of one AUV scores them for each.
 
         Without ``allowed`` all are; ``otherwise`` (straight on) if no candidate is regular.
         """
-        entries = self._entries(time, pose, targets)
-        scores = score_expression(self.metric, entries)
-        condition = (
-            scores
-            if self.metric == "condition-number"
-            else score_expression("condition-number", entries)
-        )
-        totals = self._aggregated(scores, self._shares(targets))
+        auvs = targets.mean.shape[1]
+        of_each = _scores_of_one(self).map(auvs)
+        known = [targets.mean, targets.current, self._shares(targets).T]
+        terms, condition = of_each(ca.repmat(time, 1, auvs), ca.repmat(pose, 1, auvs), *known)
+        totals = self._aggregated(terms)
         totals = totals if allowed is None else ca.if_else(allowed, totals, ca.inf)
-        choices = [ca.SX(ca.DM(self.candidates)), condition]
-        instead = [ca.SX(0.0) if otherwise is None else otherwise, ca.SX.inf(1, scores.shape[1])]
-        best, (turn_rate, chosen) = first_of_the_best(totals, choices, instead)
-        status = ca.if_else(best < ca.inf, float(Status.OPTIMAL), float(Status.UNOBSERVABLE))
-        return Command(turn_rate, ca.SX(self.situation.cna.speed), best, chosen, status)
+        straight = ca.DM(0.0) if otherwise is None else otherwise
+        best, turn_rate, status = _best_candidate(self)(totals, straight)
+        chosen = _condition_of_one(self).map(auvs)(ca.repmat(totals, 1, auvs), condition)
+        return Command(turn_rate, ca.DM(self.situation.cna.speed), best, chosen, status)
 
     @property
     def look_ahead(self) -> float:
@@ -185,6 +184,14 @@ class GramianHorizon:
         if self.sampling == "continuous":
             return horizon
         return max(LEAST_PINGS, round(horizon / interval)) * interval
+
+    def scores(self, time: ca.SX, pose: ca.SX, targets: Targets) -> tuple[ca.SX, ca.SX]:
+        """Metric and condition number of each candidate (K x M)."""
+        entries = self._entries(time, pose, targets)
+        scores = score_expression(self.metric, entries)
+        if self.metric == "condition-number":
+            return scores, scores
+        return scores, score_expression("condition-number", entries)
 
     def _entries(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Entries:
         """Upper triangles of the Gramians in the body frame, each K x M."""
@@ -242,7 +249,7 @@ class GramianHorizon:
             (w33 - horizon) * gain + seen,
         )
 
-    def _shares(self, targets: Targets) -> ca.SX:
+    def _shares(self, targets: Targets) -> Symbolic:
         """What each AUV counts; as given where covariances are to weigh and there are none."""
         fixed = targets.weight / ca.sum1(targets.weight)
         if self.weighting == "fixed":
@@ -254,14 +261,21 @@ class GramianHorizon:
         total = ca.sum1(uncertain)
         return ca.if_else(total > 0, uncertain / ca.if_else(total > 0, total, 1.0), fixed)
 
-    def _aggregated(self, scores: ca.SX, weight: ca.SX) -> ca.SX:
-        """One total per candidate; an AUV of weight 0 has no say."""
-        share = ca.repmat(weight.T, scores.shape[0], 1)
+    def term(self, scores: Symbolic, share: Symbolic) -> Symbolic:
+        """What one AUV adds to the totals of the candidates; nothing if its weight is 0."""
         if self.aggregate == "max":
-            heard = ca.if_else(share > 0, scores, -ca.inf)
-            return ca.vertcat(*(ca.mmax(heard[k, :]) for k in range(scores.shape[0])))
-        power = 2 if self.aggregate == "rms" else 1
-        return ca.sum2(ca.if_else(share > 0, share * scores**power, 0.0)) ** (1 / power)
+            return ca.if_else(share > 0, scores, -ca.inf)
+        return ca.if_else(share > 0, share * scores**self._power, 0.0)
+
+    def _aggregated(self, terms: Symbolic) -> Symbolic:
+        """One total per candidate, of terms (K x M)."""
+        if self.aggregate == "max":
+            return ca.vertcat(*(ca.mmax(terms[k, :]) for k in range(terms.shape[0])))
+        return ca.sum2(terms) ** (1 / self._power)
+
+    @property
+    def _power(self) -> int:
+        return 2 if self.aggregate == "rms" else 1
 
     def _choose_within_limits(self, pose: Pose, auvs: Sequence[Belief], time: float) -> Decision:
         """The best of the least violating: before the next decision, then over the horizon."""
@@ -292,6 +306,35 @@ class GramianHorizon:
 
 
 @lru_cache(maxsize=16)
+def _scores_of_one(planner: GramianHorizon) -> ca.Function:
+    """(time, pose, mean, current, share) of one AUV -> (terms of the totals, condition numbers)."""
+    time, pose = symbol("time"), symbol("pose", 4)
+    mean, current, share = symbol("mean", 4), symbol("current", 2), symbol("share")
+    alone = Targets(mean, current, ca.SX.zeros(3), share)
+    scores, condition = planner.scores(time, pose, alone)
+    results = [ca.densify(planner.term(scores, share)), ca.densify(condition)]
+    return ca.Function("scores_of_one", [time, pose, mean, current, share], results)
+
+
+@lru_cache(maxsize=16)
+def _best_candidate(planner: GramianHorizon) -> ca.Function:
+    """(totals, turn rate otherwise) -> (least total, turn rate, status)."""
+    totals, otherwise = symbol("totals", planner.turn_rates), symbol("otherwise")
+    rates = ca.SX(ca.DM(planner.candidates))
+    best, (turn_rate,) = first_of_the_best(totals, [rates], [otherwise])
+    status = ca.if_else(best < ca.inf, float(Status.OPTIMAL), float(Status.UNOBSERVABLE))
+    return ca.Function("best_candidate", [totals, otherwise], [best, turn_rate, status])
+
+
+@lru_cache(maxsize=16)
+def _condition_of_one(planner: GramianHorizon) -> ca.Function:
+    """(totals, condition numbers of one AUV) -> that of the best candidate."""
+    totals, condition = symbol("totals", planner.turn_rates), symbol("of", planner.turn_rates)
+    _, (chosen,) = first_of_the_best(totals, [condition], [ca.SX.inf(1)])
+    return ca.Function("condition_of_one", [totals, condition], [chosen])
+
+
+@lru_cache(maxsize=16)
 def limited_choice(planner: GramianHorizon, n_auvs: int) -> Call:
     """The choice among allowed candidates for a number of AUVs, built once.
 
@@ -300,4 +343,5 @@ def limited_choice(planner: GramianHorizon, n_auvs: int) -> Call:
     known = symbols(n_auvs, more=planner.turn_rates + 1)
     allowed, otherwise = known.more[:-1], known.more[-1]
     command = planner.choose(known.time, known.pose, known.targets, allowed, otherwise)
-    return Call(ca.Function("choice", [known.given], [packed(command)]))
+    function = ca.Function("choice", [known.given], [packed(command)])
+    return Call(unrolled(function, n_auvs))

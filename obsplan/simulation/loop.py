@@ -12,6 +12,7 @@ import numpy as np
 from formulations.model.casadi import evaluate, in_sequence, machine_code
 from formulations.model.covariance import unpack_array
 from formulations.solution import Status
+from obsplan.planning.expressions import unrolled
 from obsplan.planning.interface import (
     ChoosesStart,
     Draws,
@@ -92,7 +93,9 @@ class ClosedLoop:
     def step(self) -> ca.Function:
         """The Function (Carry, Inputs) -> (Carry, Log) of one time step."""
         step = StepBuilder(scenario=self.scenario, planner=self.planner).build()
-        return machine_code(step) if self.compiled else step
+        if self.compiled:
+            return machine_code(step)
+        return unrolled(step, len(self.scenario.table.auv))
 
     @property
     def start(self) -> Pose:
