@@ -14,7 +14,7 @@ from formulations.gramian.pings import ping_moments
 from formulations.gramian.range import DisplacementMoments, displacement_moments, gramian_entries
 from formulations.metrics import position_schur_expression, score_expression
 from formulations.model.arcs import arcs
-from formulations.model.casadi import Call, symbol
+from formulations.model.casadi import Call
 from formulations.model.frames import to_body
 from formulations.model.schedule import time_to_next
 from formulations.solution import Status
@@ -23,15 +23,15 @@ from obsplan.planning.candidates import first_of_the_best
 from obsplan.planning.checks import check_at_least, check_choices, check_positive, check_situation
 from obsplan.planning.expressions import (
     Command,
-    Mapped,
     Symbolic,
     Targets,
+    Vectorized,
     decide,
     decision_of,
     fill,
+    interpreted,
     packed,
     symbols,
-    unrolled,
 )
 from obsplan.planning.fallback import unusable
 from obsplan.planning.limits import LimitsAhead
@@ -39,6 +39,7 @@ from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
 
 LEAST_PINGS = 3  # that tell the three states: east, north, heading
+SCALARS = 1  # AUVs up to which scalars are faster than matrices, which hold all candidates
 HORIZON_POINTS = 16  # at which a candidate's arc is held against the limits
 
 Metric = Literal[
@@ -49,7 +50,7 @@ Metric = Literal[
     "trace-inverse",
     "blend",
 ]
-Entries = tuple[ca.SX, ...]
+Entries = tuple[Symbolic, ...]
 
 
 @dataclass(frozen=True)
@@ -140,9 +141,14 @@ class GramianHorizon:
         return self.situation.constraints
 
     @property
-    def expression(self) -> Mapped | None:
+    def expression(self) -> Vectorized | None:
         """The decision as an expression; None where limits have to be looked at."""
-        return None if self.constraints else Mapped(self.choose)
+        return None if self.constraints else self.vectorized
+
+    @property
+    def vectorized(self) -> Vectorized:
+        """The choice among all candidates."""
+        return Vectorized(self.choose, scalars=SCALARS)
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Choose the best candidate."""
@@ -159,19 +165,18 @@ class GramianHorizon:
         allowed: Symbolic | None = None,
         otherwise: Symbolic | None = None,
     ) -> Command:
-        """The best of the allowed candidates; a Function of one AUV scores them for each.
+        """The best of the allowed candidates, all of them scored for every AUV at once.
 
         Without ``allowed`` all are; ``otherwise`` (straight on) if no candidate is regular.
         """
-        auvs = targets.mean.shape[1]
-        of_each = _scores_of_one(self).map(auvs)
-        known = [targets.mean, targets.current, self._shares(targets).T]
-        terms, condition = of_each(ca.repmat(time, 1, auvs), ca.repmat(pose, 1, auvs), *known)
-        totals = self._aggregated(terms)
+        scores, condition = self._scores(time, pose, targets)
+        totals = self._aggregated(scores, self._shares(targets))
         totals = totals if allowed is None else ca.if_else(allowed, totals, ca.inf)
-        straight = ca.DM(0.0) if otherwise is None else otherwise
-        best, turn_rate, status = _best_candidate(self)(totals, straight)
-        chosen = _condition_of_one(self).map(auvs)(ca.repmat(totals, 1, auvs), condition)
+        choose, auvs = first_of_the_best(self.turn_rates), targets.mean.shape[1]
+        straight = 0.0 if otherwise is None else otherwise
+        best, turn_rate = choose(totals, self.candidates, straight)
+        _, chosen = choose.map(auvs)(ca.repmat(totals, 1, auvs), condition, ca.DM.inf(1, auvs))
+        status = ca.if_else(best < ca.inf, float(Status.OPTIMAL), float(Status.UNOBSERVABLE))
         return Command(turn_rate, ca.DM(self.situation.cna.speed), best, chosen, status)
 
     @property
@@ -185,7 +190,9 @@ class GramianHorizon:
             return horizon
         return max(LEAST_PINGS, round(horizon / interval)) * interval
 
-    def scores(self, time: ca.SX, pose: ca.SX, targets: Targets) -> tuple[ca.SX, ca.SX]:
+    def _scores(
+        self, time: Symbolic, pose: Symbolic, targets: Targets
+    ) -> tuple[Symbolic, Symbolic]:
         """Metric and condition number of each candidate (K x M)."""
         entries = self._entries(time, pose, targets)
         scores = score_expression(self.metric, entries)
@@ -193,7 +200,7 @@ class GramianHorizon:
             return scores, scores
         return scores, score_expression("condition-number", entries)
 
-    def _entries(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Entries:
+    def _entries(self, time: Symbolic, pose: Symbolic, targets: Targets) -> Entries:
         """Upper triangles of the Gramians in the body frame, each K x M."""
         body = partial(to_body, ca.cos(pose[2]), ca.sin(pose[2]))
         x = body(pose[0] - targets.mean[0, :], pose[1] - targets.mean[1, :])
@@ -214,7 +221,7 @@ class GramianHorizon:
         entries = entries if self.noise == "unit" else self._scaled(*entries)
         return entries if self.block == "pose" else position_schur_expression(entries)
 
-    def _moments(self, time: ca.SX) -> DisplacementMoments:
+    def _moments(self, time: Symbolic) -> DisplacementMoments:
         """Moments of the candidates' arcs, all the time or at the next pings."""
         speed, interval = self.situation.cna.speed, self.situation.ping_interval
         if self.sampling == "continuous":
@@ -229,7 +236,13 @@ class GramianHorizon:
         )
 
     def _scaled(
-        self, w11: ca.SX, w12: ca.SX, w13: ca.SX, w22: ca.SX, w23: ca.SX, w33: ca.SX
+        self,
+        w11: Symbolic,
+        w12: Symbolic,
+        w13: Symbolic,
+        w22: Symbolic,
+        w23: Symbolic,
+        w33: Symbolic,
     ) -> Entries:
         """Gramian in units of the sensors' variances.
 
@@ -261,21 +274,14 @@ class GramianHorizon:
         total = ca.sum1(uncertain)
         return ca.if_else(total > 0, uncertain / ca.if_else(total > 0, total, 1.0), fixed)
 
-    def term(self, scores: Symbolic, share: Symbolic) -> Symbolic:
-        """What one AUV adds to the totals of the candidates; nothing if its weight is 0."""
+    def _aggregated(self, scores: Symbolic, weight: Symbolic) -> Symbolic:
+        """One total per candidate; an AUV of weight 0 has no say."""
+        share = ca.repmat(weight.T, scores.shape[0], 1)
         if self.aggregate == "max":
-            return ca.if_else(share > 0, scores, -ca.inf)
-        return ca.if_else(share > 0, share * scores**self._power, 0.0)
-
-    def _aggregated(self, terms: Symbolic) -> Symbolic:
-        """One total per candidate, of terms (K x M)."""
-        if self.aggregate == "max":
-            return ca.vertcat(*(ca.mmax(terms[k, :]) for k in range(terms.shape[0])))
-        return ca.sum2(terms) ** (1 / self._power)
-
-    @property
-    def _power(self) -> int:
-        return 2 if self.aggregate == "rms" else 1
+            heard = ca.if_else(share > 0, scores, -ca.inf)
+            return ca.vertcat(*(ca.mmax(heard[k, :]) for k in range(scores.shape[0])))
+        power = 2 if self.aggregate == "rms" else 1
+        return ca.sum2(ca.if_else(share > 0, share * scores**power, 0.0)) ** (1 / power)
 
     def _choose_within_limits(self, pose: Pose, auvs: Sequence[Belief], time: float) -> Decision:
         """The best of the least violating: before the next decision, then over the horizon."""
@@ -306,35 +312,6 @@ class GramianHorizon:
 
 
 @lru_cache(maxsize=16)
-def _scores_of_one(planner: GramianHorizon) -> ca.Function:
-    """(time, pose, mean, current, share) of one AUV -> (terms of the totals, condition numbers)."""
-    time, pose = symbol("time"), symbol("pose", 4)
-    mean, current, share = symbol("mean", 4), symbol("current", 2), symbol("share")
-    alone = Targets(mean, current, ca.SX.zeros(3), share)
-    scores, condition = planner.scores(time, pose, alone)
-    results = [ca.densify(planner.term(scores, share)), ca.densify(condition)]
-    return ca.Function("scores_of_one", [time, pose, mean, current, share], results)
-
-
-@lru_cache(maxsize=16)
-def _best_candidate(planner: GramianHorizon) -> ca.Function:
-    """(totals, turn rate otherwise) -> (least total, turn rate, status)."""
-    totals, otherwise = symbol("totals", planner.turn_rates), symbol("otherwise")
-    rates = ca.SX(ca.DM(planner.candidates))
-    best, (turn_rate,) = first_of_the_best(totals, [rates], [otherwise])
-    status = ca.if_else(best < ca.inf, float(Status.OPTIMAL), float(Status.UNOBSERVABLE))
-    return ca.Function("best_candidate", [totals, otherwise], [best, turn_rate, status])
-
-
-@lru_cache(maxsize=16)
-def _condition_of_one(planner: GramianHorizon) -> ca.Function:
-    """(totals, condition numbers of one AUV) -> that of the best candidate."""
-    totals, condition = symbol("totals", planner.turn_rates), symbol("of", planner.turn_rates)
-    _, (chosen,) = first_of_the_best(totals, [condition], [ca.SX.inf(1)])
-    return ca.Function("condition_of_one", [totals, condition], [chosen])
-
-
-@lru_cache(maxsize=16)
 def limited_choice(planner: GramianHorizon, n_auvs: int) -> Call:
     """The choice among allowed candidates for a number of AUVs, built once.
 
@@ -344,4 +321,4 @@ def limited_choice(planner: GramianHorizon, n_auvs: int) -> Call:
     allowed, otherwise = known.more[:-1], known.more[-1]
     command = planner.choose(known.time, known.pose, known.targets, allowed, otherwise)
     function = ca.Function("choice", [known.given], [packed(command)])
-    return Call(unrolled(function, n_auvs))
+    return Call(interpreted(function, planner.vectorized, n_auvs))

@@ -22,9 +22,9 @@ ROWS = {  # of each of the targets, where AUVs are columns
 }
 EACH = sum(ROWS.values())  # numbers of a call for each AUV
 CONDITION = 4  # entries of a result before the condition numbers
-UNROLLED = 4  # AUVs up to which the virtual machine runs a mapped expression on scalars
+SCALARS = 64  # AUVs up to which the virtual machine runs scalars faster than matrices
 
-Symbolic = Any  # CasADi's SX, MX where a planner is `Mapped`, or numbers as DM
+Symbolic = Any  # CasADi's SX, MX where an expression is `Vectorized`, or numbers as DM
 
 
 class Targets(NamedTuple):
@@ -57,13 +57,15 @@ Expression = Callable[[Symbolic, Symbolic, Targets], Command]
 
 
 @dataclass(frozen=True)
-class Mapped:
-    """An expression that maps a Function of one AUV over all of them.
+class Vectorized:
+    """An expression that takes CasADi's MX as well as SX.
 
-    It takes CasADi's MX as well as SX, and with MX is as large for many AUVs as for one.
+    Its operations run over all AUVs at once: it is no larger for many of them than for one.
+    ``scalars`` says up to how many AUVs the virtual machine is faster on scalars all the same.
     """
 
     expression: Expression
+    scalars: int = SCALARS
 
     def __call__(self, time: Symbolic, pose: Symbolic, targets: Targets) -> Command:
         """The same."""
@@ -160,7 +162,7 @@ def decision_of(result: np.ndarray, cna: Any, pose: Pose) -> Decision:
 
 def decision_function(expression: Expression, n_auvs: int) -> ca.Function:
     """An expression, guarded: time, pose and each of `Targets` -> each of `Command`."""
-    of = matrix if isinstance(expression, Mapped) else symbol
+    of = matrix if isinstance(expression, Vectorized) else symbol
     time, pose, weight = of("time"), of("pose", 4), of("weight", n_auvs)
     columns = [of(name, ROWS[name], n_auvs) for name in Targets._fields[:-1]]
     targets = Targets(*columns, weight)
@@ -176,9 +178,10 @@ def compiled(planner: Any, n_auvs: int) -> Call:
     decision = decision_function(expression, n_auvs)
     command = Command(*decision(known.time, known.pose, *known.targets))
     function = ca.Function("decision", [known.given], [packed(command)])
-    return Call(unrolled(function, n_auvs) if isinstance(expression, Mapped) else function.expand())
+    return Call(interpreted(function, expression, n_auvs))
 
 
-def unrolled(function: ca.Function, n_auvs: int) -> ca.Function:
-    """A Function on scalars where that is faster in the virtual machine: for a few AUVs."""
-    return function.expand() if n_auvs <= UNROLLED else function
+def interpreted(function: ca.Function, expression: Expression | None, n_auvs: int) -> ca.Function:
+    """A Function that holds an expression, as the virtual machine runs it faster."""
+    most = expression.scalars if isinstance(expression, Vectorized) else SCALARS
+    return function.expand() if n_auvs <= most else function

@@ -12,7 +12,7 @@ import numpy as np
 from formulations.model.casadi import evaluate, in_sequence, machine_code
 from formulations.model.covariance import unpack_array
 from formulations.solution import Status
-from obsplan.planning.expressions import unrolled
+from obsplan.planning.expressions import interpreted
 from obsplan.planning.interface import (
     ChoosesStart,
     Draws,
@@ -95,7 +95,8 @@ class ClosedLoop:
         step = StepBuilder(scenario=self.scenario, planner=self.planner).build()
         if self.compiled:
             return machine_code(step)
-        return unrolled(step, len(self.scenario.table.auv))
+        expression = folded(self.scenario, self.planner)
+        return interpreted(step, expression, len(self.scenario.table.auv))
 
     @property
     def start(self) -> Pose:
