@@ -65,6 +65,6 @@ class ErrorEllipse:
         variance = p11 * y**2 - 2 * p12 * x * y + p22 * x**2
         across = variance / ca.if_else(square > 0, square, 1.0)
         totals = across @ (targets.weight / ca.sum1(targets.weight))
-        best, (turn_rate,) = first_of_the_best(totals, [ca.SX(ca.DM(rates))], [ca.SX(0.0)])
+        best, turn_rate = first_of_the_best(self.turn_rates)(totals, rates, 0.0)
         none = ca.SX.nan(1, targets.mean.shape[1])
         return Command(turn_rate, ca.SX(cna.speed), best, none, ca.SX(float(Status.OPTIMAL)))

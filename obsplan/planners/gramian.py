@@ -1,6 +1,6 @@
 """Gramian horizon: hold the turn that makes the AUVs most observable (thesis chapter 4)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import lru_cache, partial
 from typing import Annotated, Literal
@@ -23,10 +23,13 @@ from obsplan.planning.candidates import first_of_the_best
 from obsplan.planning.checks import check_at_least, check_choices, check_positive, check_situation
 from obsplan.planning.expressions import (
     Command,
+    Symbolic,
     Targets,
+    Vectorized,
     decide,
     decision_of,
     fill,
+    interpreted,
     packed,
     symbols,
 )
@@ -36,6 +39,7 @@ from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
 
 LEAST_PINGS = 3  # that tell the three states: east, north, heading
+SCALARS = 1  # AUVs up to which scalars are faster than matrices, which hold all candidates
 HORIZON_POINTS = 16  # at which a candidate's arc is held against the limits
 
 Metric = Literal[
@@ -46,7 +50,7 @@ Metric = Literal[
     "trace-inverse",
     "blend",
 ]
-Entries = tuple[ca.SX, ...]
+Entries = tuple[Symbolic, ...]
 
 
 @dataclass(frozen=True)
@@ -137,9 +141,14 @@ class GramianHorizon:
         return self.situation.constraints
 
     @property
-    def expression(self) -> Callable[..., Command] | None:
+    def expression(self) -> Vectorized | None:
         """The decision as an expression; None where limits have to be looked at."""
-        return None if self.constraints else self.choose
+        return None if self.constraints else self.vectorized
+
+    @property
+    def vectorized(self) -> Vectorized:
+        """The choice among all candidates."""
+        return Vectorized(self.choose, scalars=SCALARS)
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Choose the best candidate."""
@@ -150,30 +159,25 @@ class GramianHorizon:
 
     def choose(
         self,
-        time: ca.SX,
-        pose: ca.SX,
+        time: Symbolic,
+        pose: Symbolic,
         targets: Targets,
-        allowed: ca.SX | None = None,
-        otherwise: ca.SX | None = None,
+        allowed: Symbolic | None = None,
+        otherwise: Symbolic | None = None,
     ) -> Command:
-        """The best of the allowed candidates, all of them scored by one expression.
+        """The best of the allowed candidates, all of them scored for every AUV at once.
 
         Without ``allowed`` all are; ``otherwise`` (straight on) if no candidate is regular.
         """
-        entries = self._entries(time, pose, targets)
-        scores = score_expression(self.metric, entries)
-        condition = (
-            scores
-            if self.metric == "condition-number"
-            else score_expression("condition-number", entries)
-        )
+        scores, condition = self._scores(time, pose, targets)
         totals = self._aggregated(scores, self._shares(targets))
         totals = totals if allowed is None else ca.if_else(allowed, totals, ca.inf)
-        choices = [ca.SX(ca.DM(self.candidates)), condition]
-        instead = [ca.SX(0.0) if otherwise is None else otherwise, ca.SX.inf(1, scores.shape[1])]
-        best, (turn_rate, chosen) = first_of_the_best(totals, choices, instead)
+        choose, auvs = first_of_the_best(self.turn_rates), targets.mean.shape[1]
+        straight = 0.0 if otherwise is None else otherwise
+        best, turn_rate = choose(totals, self.candidates, straight)
+        _, chosen = choose.map(auvs)(ca.repmat(totals, 1, auvs), condition, ca.DM.inf(1, auvs))
         status = ca.if_else(best < ca.inf, float(Status.OPTIMAL), float(Status.UNOBSERVABLE))
-        return Command(turn_rate, ca.SX(self.situation.cna.speed), best, chosen, status)
+        return Command(turn_rate, ca.DM(self.situation.cna.speed), best, chosen, status)
 
     @property
     def look_ahead(self) -> float:
@@ -186,7 +190,17 @@ class GramianHorizon:
             return horizon
         return max(LEAST_PINGS, round(horizon / interval)) * interval
 
-    def _entries(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Entries:
+    def _scores(
+        self, time: Symbolic, pose: Symbolic, targets: Targets
+    ) -> tuple[Symbolic, Symbolic]:
+        """Metric and condition number of each candidate (K x M)."""
+        entries = self._entries(time, pose, targets)
+        scores = score_expression(self.metric, entries)
+        if self.metric == "condition-number":
+            return scores, scores
+        return scores, score_expression("condition-number", entries)
+
+    def _entries(self, time: Symbolic, pose: Symbolic, targets: Targets) -> Entries:
         """Upper triangles of the Gramians in the body frame, each K x M."""
         body = partial(to_body, ca.cos(pose[2]), ca.sin(pose[2]))
         x = body(pose[0] - targets.mean[0, :], pose[1] - targets.mean[1, :])
@@ -207,7 +221,7 @@ class GramianHorizon:
         entries = entries if self.noise == "unit" else self._scaled(*entries)
         return entries if self.block == "pose" else position_schur_expression(entries)
 
-    def _moments(self, time: ca.SX) -> DisplacementMoments:
+    def _moments(self, time: Symbolic) -> DisplacementMoments:
         """Moments of the candidates' arcs, all the time or at the next pings."""
         speed, interval = self.situation.cna.speed, self.situation.ping_interval
         if self.sampling == "continuous":
@@ -222,7 +236,13 @@ class GramianHorizon:
         )
 
     def _scaled(
-        self, w11: ca.SX, w12: ca.SX, w13: ca.SX, w22: ca.SX, w23: ca.SX, w33: ca.SX
+        self,
+        w11: Symbolic,
+        w12: Symbolic,
+        w13: Symbolic,
+        w22: Symbolic,
+        w23: Symbolic,
+        w33: Symbolic,
     ) -> Entries:
         """Gramian in units of the sensors' variances.
 
@@ -242,7 +262,7 @@ class GramianHorizon:
             (w33 - horizon) * gain + seen,
         )
 
-    def _shares(self, targets: Targets) -> ca.SX:
+    def _shares(self, targets: Targets) -> Symbolic:
         """What each AUV counts; as given where covariances are to weigh and there are none."""
         fixed = targets.weight / ca.sum1(targets.weight)
         if self.weighting == "fixed":
@@ -254,7 +274,7 @@ class GramianHorizon:
         total = ca.sum1(uncertain)
         return ca.if_else(total > 0, uncertain / ca.if_else(total > 0, total, 1.0), fixed)
 
-    def _aggregated(self, scores: ca.SX, weight: ca.SX) -> ca.SX:
+    def _aggregated(self, scores: Symbolic, weight: Symbolic) -> Symbolic:
         """One total per candidate; an AUV of weight 0 has no say."""
         share = ca.repmat(weight.T, scores.shape[0], 1)
         if self.aggregate == "max":
@@ -300,4 +320,5 @@ def limited_choice(planner: GramianHorizon, n_auvs: int) -> Call:
     known = symbols(n_auvs, more=planner.turn_rates + 1)
     allowed, otherwise = known.more[:-1], known.more[-1]
     command = planner.choose(known.time, known.pose, known.targets, allowed, otherwise)
-    return Call(ca.Function("choice", [known.given], [packed(command)]))
+    function = ca.Function("choice", [known.given], [packed(command)])
+    return Call(interpreted(function, planner.vectorized, n_auvs))

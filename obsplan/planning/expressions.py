@@ -1,13 +1,14 @@
 """Planners that are one CasADi expression, and how one is evaluated on its own."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from formulations.model.casadi import Call, symbol
+from formulations.model.casadi import Call, matrix, symbol
 from formulations.solution import Status
 from obsplan.planning.fallback import predict_path, straight_on
 from obsplan.types import Belief, Decision, Pose
@@ -21,18 +22,21 @@ ROWS = {  # of each of the targets, where AUVs are columns
 }
 EACH = sum(ROWS.values())  # numbers of a call for each AUV
 CONDITION = 4  # entries of a result before the condition numbers
+SCALARS = 64  # AUVs up to which the virtual machine runs scalars faster than matrices
+
+Symbolic = Any  # CasADi's SX, MX where an expression is `Vectorized`, or numbers as DM
 
 
 class Targets(NamedTuple):
     """Beliefs about M AUVs as expressions."""
 
-    mean: ca.SX  # 4 x M: east, north [m], heading [rad], speed through the water [m/s]
-    current: ca.SX  # 2 x M: the current they are carried by [m/s]
-    position_covariance: ca.SX  # 3 x M: variance of east, covariance, variance of north [m^2]
-    weight: ca.SX  # M
+    mean: Symbolic  # 4 x M: east, north [m], heading [rad], speed through the water [m/s]
+    current: Symbolic  # 2 x M: the current they are carried by [m/s]
+    position_covariance: Symbolic  # 3 x M: variance of east, covariance, variance of north [m^2]
+    weight: Symbolic  # M
 
     @property
-    def velocity(self) -> ca.SX:
+    def velocity(self) -> Symbolic:
         """Velocity over ground (2 x M) [m/s]."""
         heading, speed = self.mean[2, :], self.mean[3, :]
         return ca.vertcat(speed * ca.cos(heading), speed * ca.sin(heading)) + self.current
@@ -41,25 +45,41 @@ class Targets(NamedTuple):
 class Command(NamedTuple):
     """A decision as expressions; ``condition`` has one entry per AUV, nan if it is unknown."""
 
-    turn_rate: ca.SX
-    speed: ca.SX
-    score: ca.SX
-    condition: ca.SX
-    status: ca.SX
+    turn_rate: Symbolic
+    speed: Symbolic
+    score: Symbolic
+    condition: Symbolic
+    status: Symbolic
 
 
 # of time [s], pose (east, north, heading, turn rate) and targets
-Expression = Callable[[ca.SX, ca.SX, Targets], Command]
+Expression = Callable[[Symbolic, Symbolic, Targets], Command]
 
 
-def guarded(expression: Expression, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:
+@dataclass(frozen=True)
+class Vectorized:
+    """An expression that takes CasADi's MX as well as SX.
+
+    Its operations run over all AUVs at once: it is no larger for many of them than for one.
+    ``scalars`` says up to how many AUVs the virtual machine is faster on scalars all the same.
+    """
+
+    expression: Expression
+    scalars: int = SCALARS
+
+    def __call__(self, time: Symbolic, pose: Symbolic, targets: Targets) -> Command:
+        """The same."""
+        return self.expression(time, pose, targets)
+
+
+def guarded(expression: Expression, time: Symbolic, pose: Symbolic, targets: Targets) -> Command:
     """A planner's command; `unusable` as an expression.
 
     It is straight on where what the planner looks at is no number or has no weight, and says why.
     """
     command = expression(time, pose, targets)
-    looks = ca.depends_on(command.turn_rate, ca.vec(targets.mean))
-    heard = ca.sum1(targets.weight) > 0 if looks else ca.SX(1.0)
+    looks = ca.depends_on(command.turn_rate, targets.mean)
+    heard = ca.sum1(targets.weight) > 0 if looks else ca.DM(1.0)
     seen = [pose, ca.vec(targets.mean)] if looks else [pose]
     total = ca.sum1(ca.vertcat(*seen, command.turn_rate))
     finite = ca.fabs(total) < ca.inf  # CasADi takes x == x for true, whatever x is
@@ -103,17 +123,17 @@ def fill(given: np.ndarray, pose: Pose, auvs: Sequence[Belief], time: float) -> 
 class Symbols(NamedTuple):
     """What a Function reads where `fill` writes: all of it, and its parts."""
 
-    given: ca.SX
-    time: ca.SX
-    pose: ca.SX  # east, north, heading, turn rate
+    given: Symbolic
+    time: Symbolic
+    pose: Symbolic  # east, north, heading, turn rate
     targets: Targets
-    more: ca.SX  # what the caller writes itself, at the end
+    more: Symbolic  # what the caller writes itself, at the end
 
 
 def symbols(n_auvs: int, *, more: int = 0) -> Symbols:
-    """Symbols for a number of AUVs and, if wished, some more numbers."""
+    """Symbols (MX) for a number of AUVs and, if wished, some more numbers."""
     known = OWN + EACH * n_auvs
-    given = symbol("given", known + more)
+    given = matrix("given", known + more)
     columns = ca.reshape(given[OWN:known], EACH, n_auvs)
     ends = np.cumsum([0, *ROWS.values()]).tolist()
     mean, current, covariance, weight = ca.vertsplit(columns, ends)
@@ -121,7 +141,7 @@ def symbols(n_auvs: int, *, more: int = 0) -> Symbols:
     return Symbols(given, given[0], given[1:OWN], targets, given[known:])
 
 
-def packed(command: Command) -> ca.SX:
+def packed(command: Command) -> Symbolic:
     """A command as one column, as `decision_of` reads it."""
     *own, condition, status = command
     return ca.densify(ca.vertcat(*own, status, ca.vec(condition)))
@@ -140,9 +160,28 @@ def decision_of(result: np.ndarray, cna: Any, pose: Pose) -> Decision:
     )
 
 
+def decision_function(expression: Expression, n_auvs: int) -> ca.Function:
+    """An expression, guarded: time, pose and each of `Targets` -> each of `Command`."""
+    of = matrix if isinstance(expression, Vectorized) else symbol
+    time, pose, weight = of("time"), of("pose", 4), of("weight", n_auvs)
+    columns = [of(name, ROWS[name], n_auvs) for name in Targets._fields[:-1]]
+    targets = Targets(*columns, weight)
+    command = guarded(expression, time, pose, targets)
+    results = [ca.densify(result) for result in command]
+    return ca.Function("decision", [time, pose, *targets], results)
+
+
 @lru_cache(maxsize=64)
 def compiled(planner: Any, n_auvs: int) -> Call:
     """The planner's expression for a number of AUVs, built once."""
-    known = symbols(n_auvs)
-    command = guarded(planner.expression, known.time, known.pose, known.targets)
-    return Call(ca.Function("decision", [known.given], [packed(command)]))
+    expression, known = planner.expression, symbols(n_auvs)
+    decision = decision_function(expression, n_auvs)
+    command = Command(*decision(known.time, known.pose, *known.targets))
+    function = ca.Function("decision", [known.given], [packed(command)])
+    return Call(interpreted(function, expression, n_auvs))
+
+
+def interpreted(function: ca.Function, expression: Expression | None, n_auvs: int) -> ca.Function:
+    """A Function that holds an expression, as the virtual machine runs it faster."""
+    most = expression.scalars if isinstance(expression, Vectorized) else SCALARS
+    return function.expand() if n_auvs <= most else function

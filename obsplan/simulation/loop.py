@@ -12,6 +12,7 @@ import numpy as np
 from formulations.model.casadi import evaluate, in_sequence, machine_code
 from formulations.model.covariance import unpack_array
 from formulations.solution import Status
+from obsplan.planning.expressions import interpreted
 from obsplan.planning.interface import (
     ChoosesStart,
     Draws,
@@ -92,7 +93,10 @@ class ClosedLoop:
     def step(self) -> ca.Function:
         """The Function (Carry, Inputs) -> (Carry, Log) of one time step."""
         step = StepBuilder(scenario=self.scenario, planner=self.planner).build()
-        return machine_code(step) if self.compiled else step
+        if self.compiled:
+            return machine_code(step)
+        expression = folded(self.scenario, self.planner)
+        return interpreted(step, expression, len(self.scenario.table.auv))
 
     @property
     def start(self) -> Pose:

@@ -4,15 +4,16 @@ It moves the aid vehicle, and each AUV's truth, filter and last report.
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from formulations.model.casadi import symbol
+from formulations.model.casadi import matrix, symbol
 from formulations.model.covariance import pack, unpack
 from obsplan.estimators import Process
-from obsplan.planning.expressions import Expression, Targets, guarded
+from obsplan.planning.expressions import Command, Expression, Targets, decision_function
 from obsplan.planning.interface import Planner, expression_of
 from obsplan.scenario import Scenario
 from obsplan.scenario.states import BASIC, noise
@@ -70,6 +71,11 @@ OF_ALL = (
 )
 
 
+# of each AUV, what its part of the step is told of Carry and Inputs
+OF_AUV = ("truth", "mean", "covariance", "reported", "reported_covariance")
+GIVEN_AUV = ("steer", "disturbance", "heading_error", "range_error")
+
+
 def shape_of(name: str, scenario: Scenario) -> tuple[int, int]:
     """Axes (column, row) of a field, as arrays have them."""
     n, m = len(scenario.truth_states), len(scenario.filter_states)
@@ -99,83 +105,124 @@ class StepBuilder:
     planner: Planner
 
     def build(self) -> ca.Function:
-        """The Function (Carry, Inputs) -> (Carry, Log)."""
-        auvs = len(self.scenario.table.auv)
-        carry = Carry(*map(self._symbol, Carry._fields))
-        inputs = Inputs(*map(self._symbol, Inputs._fields))
+        """The Function (Carry, Inputs) -> (Carry, Log).
+
+        What concerns one AUV is one Function, mapped over those of a kind: the step is about as
+        large for many AUVs as for one.
+        """
+        carry, inputs = Carry(*self._matrices(Carry)), Inputs(*self._matrices(Inputs))
         command, score, condition, status = self._decide(carry, inputs)
-        cna = self.scenario.cna.step(carry.cna, command, self.scenario.table.time_step)
-        moved = [self._auv(i, cna, carry, inputs) for i in range(auvs)]
-        *columns, ranges = (ca.horzcat(*column) for column in zip(*moved, strict=True))
-        after = Carry(cna, command, *columns)
-        log = Log(ranges, score, condition, status)
+        cna = self._moved()(carry.cna, command)
+        *columns, ranges = self._fleet(cna, carry, inputs)
+        after, log = Carry(cna, command, *columns), Log(ranges, score, condition, status)
         outputs = [ca.densify(expression) for expression in (*after, *log)]
-        given = [*Carry._fields, *Inputs._fields]
-        made = [*(f"next_{name}" for name in Carry._fields), *Log._fields]
-        return ca.Function("step", [*carry, *inputs], outputs, given, made)
+        names = (
+            [*Carry._fields, *Inputs._fields],
+            [*(f"next_{name}" for name in Carry._fields), *Log._fields],
+        )
+        return ca.Function("step", [*carry, *inputs], outputs, *names)
 
-    def _symbol(self, name: str) -> ca.SX:
-        """The symbol of an input, with one column per AUV."""
-        return symbol(name, *reversed(shape_of(name, self.scenario)))
+    def _matrices(self, of: type[Carry | Inputs]) -> list[ca.MX]:
+        """A symbol for each field."""
+        return [matrix(name, *shape_of(name, self.scenario)[::-1]) for name in of._fields]
 
-    def _decide(self, carry: Carry, inputs: Inputs) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    def _moved(self) -> ca.Function:
+        """(pose, command) -> pose of the aid vehicle."""
+        pose, command = symbol("pose", 3), symbol("command", 2)
+        after = self.scenario.cna.step(pose, command, self.scenario.table.time_step)
+        return ca.Function("moved", [pose, command], [after])
+
+    def _decide(self, carry: Carry, inputs: Inputs) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
         """Command, score, condition numbers and status.
 
-        A planner without an expression gives its command between steps, and the others are nan.
+        The command of a planner that is no expression is given.
         """
-        expression = folded(self.scenario, self.planner)
+        expression, auvs = folded(self.scenario, self.planner), carry.truth.shape[1]
         if expression is None:
-            return inputs.given, ca.SX.nan(1), ca.SX.nan(1, carry.truth.shape[1]), ca.SX.nan(1)
-        means = {"survey": inputs.survey, "truth": carry.truth}
-        known = means.get(self.scenario.table.planner.knowledge, carry.reported)
+            return inputs.given, ca.MX.nan(1), ca.MX.nan(1, auvs), ca.MX.nan(1)
+        known = {"survey": inputs.survey, "truth": carry.truth}.get(
+            self.scenario.table.planner.knowledge, carry.reported
+        )[:BASIC, :]
         pose = ca.vertcat(carry.cna, carry.command[0])
-        targets = self._targets(known[:BASIC, :], carry)
-        new = guarded(expression, inputs.time, pose, targets)
-        command = ca.if_else(inputs.decide, ca.vertcat(new.turn_rate, new.speed), carry.command)
-        score = ca.if_else(inputs.decide, new.score, np.nan)
-        condition = ca.if_else(inputs.decide, new.condition, np.nan)
-        status = ca.if_else(inputs.decide, new.status, np.nan)
-        return command, score, condition, status
+        decision = decision_function(expression, auvs)
+        new = Command(*decision(inputs.time, pose, *self._targets(known, carry)))
+        due = partial(ca.if_else, inputs.decide)
+        command = due(ca.vertcat(new.turn_rate, new.speed), carry.command)
+        condition = ca.reshape(new.condition, 1, auvs)
+        return command, due(new.score, np.nan), due(condition, np.nan), due(new.status, np.nan)
 
-    def _targets(self, known: ca.SX, carry: Carry) -> Targets:
-        """What the planner is told: means by the scenario's knowledge, uncertainty as reported.
+    def _targets(self, known: ca.MX, carry: Carry) -> Targets:
+        """What the planner is told.
 
-        The report is the last one of the AUVs' filters.
+        Means are by the scenario's knowledge, uncertainty always as the AUVs' filters last
+        reported it.
         """
         auvs = self.scenario.table.auv
-        current = ca.repmat(ca.SX(ca.DM(self.scenario.table.environment.current)), 1, len(auvs))
-        weight = ca.SX(ca.DM([auv.weight for auv in auvs]))
+        current = ca.repmat(ca.DM(self.scenario.table.environment.current), 1, len(auvs))
+        weight = ca.DM([auv.weight for auv in auvs])
         second = len(self.scenario.filter_states)  # where the second column of the triangle begins
         position = carry.reported_covariance[[0, 1, second], :]
         return Targets(known, current, position, weight)
 
-    def _auv(self, i: int, cna: ca.SX, carry: Carry, inputs: Inputs) -> tuple[ca.SX, ...]:
-        """Truth, mean, covariance, report and range of one AUV at the step's end."""
-        scenario = self.scenario
-        vehicle, filtering, process = scenario.vehicles[i], scenario.estimator, self._process(i)
+    def _fleet(self, cna: ca.MX, carry: Carry, inputs: Inputs) -> list[ca.MX]:
+        """Truth, mean, covariance, report and range of all AUVs at the step's end."""
+        kinds: dict[Process, list[int]] = {}
+        for i in range(len(self.scenario.table.auv)):
+            kinds.setdefault(self._process(i), []).append(i)
+        known = [getattr(carry, name) for name in OF_AUV] + [getattr(inputs, n) for n in GIVEN_AUV]
+        found = []
+        for process, these in kinds.items():
+            own = [field[:, these] for field in known]
+            shared = [ca.repmat(field, 1, len(these)) for field in (cna, inputs.ping)]
+            found.append(self._of_one(process).map(len(these))(*own, *shared))
+        order = np.argsort(np.concatenate([*kinds.values()])).tolist()
+        return [ca.horzcat(*columns)[:, order] for columns in zip(*found, strict=True)]
+
+    def _of_one(self, process: Process) -> ca.Function:
+        """Truth, mean, covariance, report and range of one AUV of a kind at the step's end."""
+        rows = [shape_of(name, self.scenario)[1] for name in (*OF_AUV, *GIVEN_AUV)]
+        own = [symbol(*of) for of in zip((*OF_AUV, *GIVEN_AUV), rows, strict=True)]
+        cna, ping = symbol("cna", 3), symbol("ping")
+        results = [ca.densify(result) for result in self._auv(process, cna, ping, *own)]
+        return ca.Function("of_one", [*own, cna, ping], results)
+
+    def _auv(
+        self,
+        process: Process,
+        cna: ca.SX,
+        ping: ca.SX,
+        truth: ca.SX,
+        mean: ca.SX,
+        covariance: ca.SX,
+        reported: ca.SX,
+        reported_covariance: ca.SX,
+        steer: ca.SX,
+        disturbance: ca.SX,
+        heading_error: ca.SX,
+        range_error: ca.SX,
+    ) -> tuple[ca.SX, ...]:
+        """The same as expressions."""
+        scenario, filtering = self.scenario, self.scenario.estimator
         compass, ranging = scenario.heading_sensor, scenario.range_sensor
         m = len(scenario.filter_states)
         # the autopilot brings heading and speed back to the survey's, and measures what it did
-        u = inputs.steer[:, i] - carry.truth[2:BASIC, i]
-        moved = vehicle.step(carry.truth[:, i], u, scenario.table.time_step)
-        truth = moved + inputs.disturbance[:, i]
-        x, P = filtering.predict(carry.mean[:, i], unpack(carry.covariance[:, i], m), u, process)
-        heading = compass.measure(truth, cna) + inputs.heading_error[i]
+        u = steer - truth[2:BASIC]
+        moved = process.model.step(truth, u, scenario.table.time_step)
+        after = moved + disturbance
+        x, P = filtering.predict(mean, unpack(covariance, m), u, process)
+        heading = compass.measure(after, cna) + heading_error
         x, P = filtering.update(x, P, heading, compass, cna)
-        error = ranging.deviation(truth, cna) * inputs.range_error[i]
-        z = ranging.measure(truth, cna) + error
+        error = ranging.deviation(after, cna) * range_error
+        z = ranging.measure(after, cna) + error
         x_ranged, P_ranged = filtering.update(x, P, z, ranging, cna)
-        x = ca.if_else(inputs.ping, x_ranged, x)
-        P = ca.if_else(inputs.ping, pack(P_ranged), pack(P))
+        pinged = partial(ca.if_else, ping)
+        x, P = pinged(x_ranged, x), pinged(pack(P_ranged), pack(P))
         along = scenario.table.planner.knowledge == "estimate-and-survey"
-        turns = inputs.steer[:, i] - carry.reported[2:BASIC, i] if along else ca.SX.zeros(2)
+        turns = steer - reported[2:BASIC] if along else ca.SX.zeros(2)
         reckoned, reckoned_P = filtering.predict(
-            carry.reported[:, i], unpack(carry.reported_covariance[:, i], m), turns, process
+            reported, unpack(reported_covariance, m), turns, process
         )
-        reported = ca.if_else(inputs.ping, x, reckoned)
-        reported_P = ca.if_else(inputs.ping, P, pack(reckoned_P))
-        measured = ca.if_else(inputs.ping, z, np.nan)
-        return truth, x, P, reported, reported_P, measured
+        return after, x, P, pinged(x, reckoned), pinged(P, pack(reckoned_P)), pinged(z, np.nan)
 
     def _process(self, i: int) -> Process:
         """What the filter of an AUV assumes."""
