@@ -164,8 +164,8 @@ def decision_function(expression: Expression, n_auvs: int) -> ca.Function:
     """An expression, guarded: time, pose and each of `Targets` -> each of `Command`."""
     of = matrix if isinstance(expression, Vectorized) else symbol
     time, pose, weight = of("time"), of("pose", 4), of("weight", n_auvs)
-    columns = [of(name, ROWS[name], n_auvs) for name in Targets._fields[:-1]]
-    targets = Targets(*columns, weight)
+    mean, current, covariance = (of(name, ROWS[name], n_auvs) for name in Targets._fields[:-1])
+    targets = Targets(mean, current, covariance, weight)
     command = guarded(expression, time, pose, targets)
     results = [ca.densify(result) for result in command]
     return ca.Function("decision", [time, pose, *targets], results)

@@ -35,6 +35,8 @@ from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
 ROUNDING = 1e-9  # relative, by which a turn may exceed the limit
+# AUVs up to which machine code is made of scalars: a quarter faster, but compiled for each AUV
+UNROLLED = 1
 CHUNK = 256  # steps between two looks at the clock and the keyboard
 
 
@@ -93,10 +95,10 @@ class ClosedLoop:
     def step(self) -> ca.Function:
         """The Function (Carry, Inputs) -> (Carry, Log) of one time step."""
         step = StepBuilder(scenario=self.scenario, planner=self.planner).build()
+        auvs = len(self.scenario.table.auv)
         if self.compiled:
-            return machine_code(step)
-        expression = folded(self.scenario, self.planner)
-        return interpreted(step, expression, len(self.scenario.table.auv))
+            return machine_code(step.expand() if auvs <= UNROLLED else step)
+        return interpreted(step, folded(self.scenario, self.planner), auvs)
 
     @property
     def start(self) -> Pose:
