@@ -127,6 +127,7 @@ def test_two_different_scenarios_of_one_name_are_refused(tmp_path, pond):
         plan_cells([pond, write_scenario(tmp_path, sigma=2.0, name="other.toml")])
 
 
+@pytest.mark.slow
 def test_table_is_what_simulate_says_of_each_mission_in_order(tmp_path, pond, address):
     cells = plan_cells([pond], planners=PLANNERS[::-1], vary=["cna.speed=3.0,1.5"], runs=3)
     report = fly_campaign(cells, tmp_path / "out", scheduler=address)
@@ -146,6 +147,7 @@ def test_table_is_what_simulate_says_of_each_mission_in_order(tmp_path, pond, ad
         assert json.loads(row["status_counts"]) == summary["status_counts"]
 
 
+@pytest.mark.slow
 def test_exports_say_what_load_campaign_says(tmp_path, pond, address):
     fly_campaign(
         plan_cells(
@@ -165,6 +167,7 @@ def test_exports_say_what_load_campaign_says(tmp_path, pond, address):
     assert list(table["ranging.kind"].unique()) == ["range", "squared-range"]
 
 
+@pytest.mark.slow
 def test_rerun_flies_only_what_is_missing(tmp_path, pond, address):
     def fly(runs, planners):
         return fly_campaign(
@@ -308,6 +311,7 @@ def test_nobody_at_the_schedulers_address_is_one_sentence(tmp_path, pond, monkey
         fly_campaign(plan_cells([pond]), tmp_path / "out", scheduler="tcp://127.0.0.1:9")
 
 
+@pytest.mark.slow
 def test_scheduler_without_workers_is_one_sentence(tmp_path, pond, monkeypatch):
     monkeypatch.setattr("obsplan.campaign.cluster.PATIENCE", 3.0)
     with (

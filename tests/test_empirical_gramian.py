@@ -129,6 +129,7 @@ class Arcs:
         return arc_outputs(np.asarray(x0, dtype=float), RATE, TIMES)
 
 
+@pytest.mark.slow
 def test_sum_rule_is_the_gramian_of_the_observability_matrix_of_pybounds():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # do_mpc, which it imports, warns of parts not installed

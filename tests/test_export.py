@@ -128,6 +128,7 @@ def test_fewest_waypoints_are_as_few_as_trying_all_ways_finds():
 # --- in the vehicle's room ---------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("most", "end"), [(60, "loiter"), (30, "return"), (8, "stop")])
 def test_items_fit_and_the_tolerance_grows_by_as_much_as_that_takes(most, end):
     flown = sailed(wandering(1, samples=800, step=0.25))

@@ -165,6 +165,7 @@ def closest(auv, start, steps=60):
     return min(distances[10:])
 
 
+@pytest.mark.slow
 def test_keeps_its_distance_from_an_auv_that_is_not_sure_of_its_place(monkeypatch):
     starts = [(30.0, 0.0, 2.5), (0.0, -25.0, 0.5), (-20.0, 15.0, -0.5)]
     sure, unsure = (

@@ -284,6 +284,7 @@ def test_windows_letters_are_read_and_said(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_geometries_in_wkt_are_tracks_and_limits_by_their_names(tmp_path):
     square = shapely.box(10.4, 63.44, 10.402, 63.441)
     holed = square.difference(shapely.box(10.4005, 63.4402, 10.401, 63.4405))

@@ -92,7 +92,13 @@ def built(name, options, legs):
         auv__0__survey={"kind": "waypoints", "points": legs[0].tolist()},
         auv__1__survey={"kind": "waypoints", "points": legs[1].tolist()},
     )
-    return mission.planner()
+    planner = mission.planner()
+    if name in ("whole-mission", "trajectory", "stationary", "circle"):
+        return planner
+    # the others look at no surveys: without these, planners of other worlds are equal, and their
+    # expressions are built once
+    situation = replace(planner.situation, filed=None, survey_circle=None)
+    return replace(planner, situation=situation)
 
 
 def beliefs(legs, weights=(1.0, 2.0)):

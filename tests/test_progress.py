@@ -27,6 +27,7 @@ def test_line_says_share_time_taken_and_time_left():
     assert state.line(3700.0) == "survey, 1 failed: 5 % after 60 min, about 20.0 h left"
 
 
+@pytest.mark.slow
 def test_pipe_gets_a_line_every_while_and_none_before_or_after(capfd, monkeypatch):
     monkeypatch.setattr(module, "PULSE", 0.2)
     with progress("survey") as advance:

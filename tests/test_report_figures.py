@@ -336,6 +336,7 @@ def test_limits_that_no_separation_came_near_are_not_drawn(formation):
     assert not any("limit" in text.get_text() for text in figure.legends[0].get_texts())
 
 
+@pytest.mark.slow
 def test_legend_of_errors_hides_no_panel(formation):
     figure = errors_figure(formation)
     figure.draw_without_rendering()

@@ -169,6 +169,7 @@ def limited():
     return run, make_export(run)
 
 
+@pytest.mark.slow
 def test_limits_are_in_the_files_that_hold_them(limited, tmp_path):
     run, export = limited
     write_run(run, tmp_path / "out", export)

@@ -431,6 +431,7 @@ def test_each_attempt_is_named_and_no_worse_than_the_best_manoeuvre(status, monk
         assert found.objective == pytest.approx(first.objective, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_answer_through_a_keep_out_or_worse_than_the_manoeuvre_is_not_taken(monkeypatch):
     task, _ = example()
     lies = [np.zeros(20), np.full(20, 2.0)]

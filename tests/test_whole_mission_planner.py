@@ -86,6 +86,7 @@ def test_vehicle_off_its_plan_gets_one_for_the_rest_of_the_mission():
     assert planner.open_loop(pose) is whole
 
 
+@pytest.mark.slow
 def test_path_of_a_decision_leads_to_the_missions_end():
     mission = small()
     planner = mission.planner()

@@ -44,6 +44,7 @@ def growth(write, few, many):
     return (process_time() - between) / (between - begun)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "write",
     [write_csv, write_geojson, write_gpx, write_kml, write_plan, write_waypoints, write_moos],
@@ -64,6 +65,7 @@ def flown(**change):
     return op.simulate(scenario(planner__kind="stationary", **change))
 
 
+@pytest.mark.slow
 def test_scenario_takes_a_time_in_proportion_to_its_waypoints():
     def run(count):
         points = 10.0 * np.random.default_rng(1).uniform(size=(count, 2))
