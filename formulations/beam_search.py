@@ -103,10 +103,13 @@ class _Feasibility:
 
         def look(these):
             parent, turn = np.divmod(these, len(self.turn_rates))
+            c, s = cos[parent], sin[parent]
+            forward, left = ahead[turn], aside[turn]
             along = np.empty((these.size, times.size, 2))
-            along[..., 0] = x[parent] + cos[parent] * ahead[turn] - sin[parent] * aside[turn]
-            along[..., 1] = y[parent] + sin[parent] * ahead[turn] + cos[parent] * aside[turn]
-            return violation(along, elapsed + times).max(axis=-1)
+            along[..., 0] = x[parent] + c * forward - s * left
+            along[..., 1] = y[parent] + s * forward + c * left
+            broken = violation(along, elapsed + times)
+            return broken.max(axis=-1)
 
         return look
 
@@ -215,9 +218,13 @@ def branching(auvs: int, turns: int, squared: bool, criterion: str) -> Cases:
     (pose, packed covariances: HALF x M, cost so far, told)
     -> (costs: K, poses: 3 x K, packed covariances: HALF x M)
 
+    Raises ValueError for a criterion that is not known.
+
     ``told`` holds ``AUV`` of each, ``STAGE`` and the moves of the turns, 3 x K, one after the
     other.
     """
+    if criterion not in CRITERIA:
+        raise ValueError(f'criterion must be one of {", ".join(CRITERIA)}, got "{criterion}"')
     sizes = _sizes(auvs, turns)
     pose = matrix("pose", 3)
     P = matrix("P", HALF, auvs)

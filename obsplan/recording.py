@@ -231,23 +231,24 @@ def _auvs(run: Run) -> Variables:
             ),
         }
     found |= _own_states(run)
-    units = dict.fromkeys(state.unit for state in own(run.scenario.filter_states))
-    others = "".join(f", {unit}" for unit in units if unit not in ("m", "rad", "m s-1"))
-    covariance = {
-        "long_name": "covariance of the estimate",
-        "comment": f"entries in products of m (east, north), rad and m s-1{others}",
-    }
+    ranged = _quantity(
+        "m2" if squared else "m", f"measured {'squared ' * squared}range to the aid vehicle"
+    )
     return found | {
         "est_lat": (along, est_lat, _latitude("estimated latitude of the AUV")),
         "est_lon": (along, est_lon, _longitude("estimated longitude of the AUV")),
-        "covariance": ((*along, "state", "state_2"), run.covariance, covariance),
-        "range": (
-            along,
-            run.range,
-            _quantity(
-                "m2" if squared else "m", f"measured {'squared ' * squared}range to the aid vehicle"
-            ),
-        ),
+        "covariance": ((*along, "state", "state_2"), run.covariance, _of_covariance(run)),
+        "range": (along, run.range, ranged),
+    }
+
+
+def _of_covariance(run: Run) -> dict[str, Any]:
+    """What is said of the covariance: its entries have different units."""
+    units = dict.fromkeys(state.unit for state in own(run.scenario.filter_states))
+    others = "".join(f", {unit}" for unit in units if unit not in ("m", "rad", "m s-1"))
+    return {
+        "long_name": "covariance of the estimate",
+        "comment": f"entries in products of m (east, north), rad and m s-1{others}",
     }
 
 

@@ -22,6 +22,7 @@ from obsplan.estimators import Process
 from obsplan.estimators.jacobian import informations, predictions, transitions
 from obsplan.kept_bounds import KEPT
 from obsplan.planners import name_of
+from obsplan.planning.interface import NamesCondition
 from obsplan.scenario import Scenario
 from obsplan.scenario.states import first_covariance, noise
 from obsplan.sensors import Range, SquaredRange
@@ -369,7 +370,7 @@ def record(
     return Run(
         scenario=scenario,
         planner=name_of(planner),
-        condition_label=getattr(planner, "condition_label", ""),
+        condition_label=planner.condition_label if isinstance(planner, NamesCondition) else "",
         seed=seed,
         time=scenario.time,
         cna=carry.cna[:, 0],

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from formulations import beam_search as search
-from formulations.beam_search import LOOKS, search_manoeuvres, turn_candidates
+from formulations.beam_search import LOOKS, branching, search_manoeuvres, turn_candidates
 from formulations.model import covariance
 from formulations.model.covariance import Ranging, Tracks, conditioned, motions
 from formulations.model.schedule import Stages, ping_stages
@@ -392,3 +392,8 @@ def test_violation_of_a_sequence_is_the_worst_along_its_arcs():
     broken = {turns: worst(turns) for turns in itertools.product(given["turn_rates"], repeat=3)}
     assert found.primal_residual == pytest.approx(min(broken.values()), abs=1e-9)
     assert found.primal_residual == pytest.approx(worst(found.x), abs=1e-9)
+
+
+def test_criterion_that_is_not_known_is_refused_with_those_that_are():
+    with pytest.raises(ValueError, match='criterion must be one of trace, log-det, got "logdet"'):
+        branching(1, 3, False, "logdet")

@@ -11,9 +11,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from formulations.model import library as module
+from formulations.model import compiler as module
 from formulations.model.casadi import Cases, Elementwise, machine_code, of_each
-from formulations.model.library import find_compiler, say_there_is_no_compiler
+from formulations.model.compiler import find_compiler, say_there_is_no_compiler
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="needs a C compiler")
 CODE = "#!/bin/sh\n"

@@ -161,3 +161,15 @@ for name in PLANNERS:
     needs = "needs a situation, obsplan.Situation(cna), got Unicycle"
     classes = [planner_class(name).__name__ for name in PLANNERS if name != "stationary"]
     assert done.stdout.splitlines() == [f"{cls} {needs}" for cls in classes]
+
+
+@pytest.mark.parametrize("commands", [None, np.zeros((39, 2)), np.full((40, 2), np.nan)])
+def test_commands_that_are_not_one_for_each_step_are_refused(commands):
+    class Fixed(Straight):
+        @property
+        def commands(self):
+            return commands
+
+    words = r"commands of Fixed must be finite, .* for each of the 40 time steps"
+    with pytest.raises(op.ObsplanError, match=words):
+        op.simulate(scenario(), planner=Fixed())

@@ -4,9 +4,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from formulations.model import library as module
+from formulations.model import compiler as module
 from formulations.model import recursion
-from formulations.model.library import find_compiler
+from formulations.model.compiler import find_compiler
 from formulations.model.recursion import Recursion
 
 

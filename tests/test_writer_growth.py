@@ -7,16 +7,7 @@ import pytest
 from oracles import scenario
 
 import obsplan as op
-from obsplan.missions import Mission, Track
-from obsplan.missions.writers import (
-    write_csv,
-    write_geojson,
-    write_gpx,
-    write_kml,
-    write_moos,
-    write_plan,
-    write_waypoints,
-)
+from obsplan.missions import Mission, Track, writers
 from obsplan.report.files import scenario_toml, tracks_csv
 
 FEW, TIMES = 1000, 16  # and as many times more: in a square the time would grow 256-fold
@@ -45,16 +36,13 @@ def growth(write, few, many):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "write",
-    [write_csv, write_geojson, write_gpx, write_kml, write_plan, write_waypoints, write_moos],
-    ids=lambda write: write.__name__,
-)
-def test_path_file_takes_a_time_in_proportion_to_its_points(write, tmp_path):
+@pytest.mark.parametrize("name", writers.__all__)
+def test_path_file_takes_a_time_in_proportion_to_its_points(name, tmp_path):
+    write = getattr(writers, name)
     few, many = (
         Mission(tracks={"cna": track(count)}, geographic=True) for count in (FEW, TIMES * FEW)
     )
-    place = {"origin": ORIGIN} if write in (write_csv, write_moos) else {}
+    place = {"origin": ORIGIN} if name in ("write_csv", "write_moos") else {}
     assert growth(lambda mission: write(tmp_path / "path", mission, **place), few, many) < (
         NOISE * TIMES
     )

@@ -15,7 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from .library import compiled_library
+from .compiler import compiled_library
 
 LEAST_CASES = 16  # that an elementwise Function is built for
 

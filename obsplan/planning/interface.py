@@ -177,6 +177,23 @@ def check_decision(decision: Any, planner: object) -> Decision:
     return decision
 
 
+def checked_commands(planner: HasCommands, steps: int) -> Float[np.ndarray, "steps 2"]:
+    """The commands of a planner that has fixed them, one for each of the mission's steps.
+
+    Raises
+    ------
+    ObsplanError
+        They are not steps x 2, or not all numbers.
+    """
+    commands = np.asarray(planner.commands, dtype=float)
+    if commands.shape != (steps, 2) or not np.isfinite(commands).all():
+        raise ObsplanError(
+            f"commands of {type(planner).__name__} must be finite, a turn rate [rad/s] and a speed "
+            f"[m/s] for each of the {steps} time steps, got an array of {commands.shape}"
+        )
+    return commands
+
+
 def _can_be_called(plan: Callable[..., Any]) -> bool:
     """Whether ``plan`` can be called as the loop calls it."""
     try:

@@ -62,9 +62,11 @@ def margins(auvs: Sequence[Belief]) -> Float[np.ndarray, " M"]:
     """Distance [m] kept from each AUV for not knowing where it is; 0 if that is unknown, too."""
     blocks = np.array([auv.covariance[:2, :2] for auv in auvs]).reshape(-1, 2, 2)
     var_east, covariance, var_north = blocks[:, 0, 0], blocks[:, 0, 1], blocks[:, 1, 1]
-    largest = (var_east + var_north) / 2 + np.hypot((var_east - var_north) / 2, covariance)
-    known = np.where(np.isfinite(largest), np.maximum(largest, 0.0), 0.0)
-    return SURE * np.sqrt(known)
+    mean = (var_east + var_north) / 2
+    half_difference = (var_east - var_north) / 2
+    largest = mean + np.hypot(half_difference, covariance)  # eigenvalue
+    largest[~np.isfinite(largest)] = 0.0
+    return SURE * np.sqrt(np.maximum(largest, 0.0))
 
 
 def within_limits(

@@ -250,10 +250,12 @@ def _every_ping(pings: int) -> int:
 
 def _draw_pings(axes: Axes, run: Run) -> None:
     """Ticks where ranges were taken, on both ends of them."""
-    for i in range(len(run.names)):
-        axes.plot(*run.truth[i, _pinged(run, i), :2].T, **_PING, mec=colour(i), zorder=5.5)
-    ends = np.unique(np.concatenate([_pinged(run, i) for i in range(len(run.names))]))
-    axes.plot(*run.cna[ends, :2].T, **_PING, mec=AID, zorder=5.5)
+    pinged = [_pinged(run, i) for i in range(len(run.names))]
+    for i, samples in enumerate(pinged):
+        x, y = run.truth[i, samples, :2].T
+        axes.plot(x, y, **_PING, mec=colour(i), zorder=5.5)
+    x, y = run.cna[np.unique(np.concatenate(pinged)), :2].T
+    axes.plot(x, y, **_PING, mec=AID, zorder=5.5)
 
 
 def _draw_marks(axes: Axes, run: Run) -> list[Label]:

@@ -23,6 +23,7 @@ from obsplan.planning.interface import (
     Progress,
     check_decision,
     check_planner,
+    checked_commands,
 )
 from obsplan.planning.limits import within_limits
 from obsplan.run import Run, Timing, record
@@ -119,7 +120,7 @@ class ClosedLoop:
         log = Log(*(np.empty((steps, *shape_of(name, self.scenario))) for name in Log._fields))
         decisions: list[float] = []
         if isinstance(planner, HasCommands):
-            inputs.given[:, 0] = planner.commands
+            inputs.given[:, 0] = checked_commands(planner, steps)
             self._fold(carry, inputs, log, progress)
         elif folded(self.scenario, planner) is not None:
             self._fold(carry, inputs, log, progress)
@@ -146,10 +147,14 @@ class ClosedLoop:
 
     def _advance(self, carry: Carry, inputs: Inputs, log: Log, k: int, n: int) -> None:
         """Take n steps from step k on."""
-        steps, after = slice(k, k + n), slice(k + 1, k + 1 + n)
-        given = [a[k] for a in carry] + [a[steps] for a in inputs]
-        wanted = [a[after] for a in carry] + [a[steps] for a in log]
-        evaluate(in_sequence(self.step, n, len(Carry._fields)), given, wanted)
+        steps = slice(k, k + n)
+        after = slice(k + 1, k + 1 + n)
+        before = [a[k] for a in carry]
+        given = [a[steps] for a in inputs]
+        carried = [a[after] for a in carry]
+        logged = [a[steps] for a in log]
+        function = in_sequence(self.step, n, len(carry))
+        evaluate(function, before + given, carried + logged)
 
     def _walk(
         self, planner: Planner, carry: Carry, inputs: Inputs, log: Log, progress: Progress

@@ -11,7 +11,7 @@ import pytest
 
 import obsplan as op
 from formulations.beam_search import branching
-from formulations.model import library
+from formulations.model import compiler
 from formulations.solution import Solution, Status
 from obsplan.planners import information
 
@@ -92,7 +92,7 @@ def road(request, monkeypatch):
     if request.param == "numpy":
         monkeypatch.setattr(information, "search_manoeuvres", in_numpy)
     if request.param == "virtual-machine":
-        monkeypatch.setattr(library, "find_compiler", lambda: None)
+        monkeypatch.setattr(compiler, "find_compiler", lambda: None)
     yield request.param
     branching.cache_clear()
 
