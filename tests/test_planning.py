@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from oracles import scenario
+from oracles import Spy, scenario
 
 import obsplan as op
 from formulations.model.covariance import Ranging
@@ -173,3 +173,23 @@ def test_commands_that_are_not_one_for_each_step_are_refused(commands):
     words = r"commands of Fixed must be finite, .* for each of the 40 time steps"
     with pytest.raises(op.ObsplanError, match=words):
         op.simulate(scenario(), planner=Fixed())
+
+
+def test_decision_keeps_its_condition_numbers_when_the_planner_is_asked_again():
+    planner, pose = op.PathInertia(op.Situation(CNA)), op.Pose(30.0, 0.0, 1.0)
+    first = planner.plan(pose, [op.Belief.at(0.0, 3.0)])
+    before = first.condition.copy()
+    planner.plan(pose, [op.Belief.at(20.0, -7.0)])
+    np.testing.assert_array_equal(first.condition, before)
+
+
+def test_filed_beliefs_are_those_of_the_first_decision_from_the_survey():
+    noise = {"position": 0.05, "heading_deg": 0.5, "speed": 0.02}
+    mission = scenario(planner__knowledge="survey", auv__1__weight=2.0, auv__0__process_noise=noise)
+    spy = Spy(Straight())
+    op.simulate(mission, planner=spy)
+    _, _, told, _ = spy.said[0]
+    for filed, believed in zip(mission.situation.filed.beliefs, told, strict=True):
+        np.testing.assert_array_equal(filed.mean, believed.mean)
+        np.testing.assert_allclose(filed.covariance, believed.covariance, rtol=1e-12)
+        assert (filed.process_noise, filed.weight) == (believed.process_noise, believed.weight)

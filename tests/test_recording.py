@@ -112,10 +112,8 @@ def test_file_follows_the_conventions_for_trajectories(variables):
             }
     assert {"scenario", "planner", "seed", "version", "title", "condition_label"} <= set(attributes)
     assert not {"date_created", "date"} & set(attributes)
-    assert (attributes["origin_latitude"], attributes["origin_longitude"]) == (
-        LAT,
-        LON,
-    )  # all digits
+    origin = [float(attributes[f"origin_{name}"]) for name in ("latitude", "longitude")]
+    assert origin == [LAT, LON]  # to all digits
 
 
 def test_decisions_carry_their_status_as_a_flag(run, variables):

@@ -1,7 +1,7 @@
 """Trajectory: optimise the turns over a receding horizon, under limits on position."""
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property, lru_cache
 from time import perf_counter
 from typing import Annotated, Literal, NamedTuple
@@ -244,7 +244,7 @@ def built(planner: Trajectory, pose: Pose) -> bool:
     filed = planner.situation.filed
     if filed is None:
         return False
-    replace(planner).plan(pose, filed.beliefs)  # a copy, so that the planner remembers nothing
+    planner.plan(pose, filed.beliefs)  # which it forgets: at the same time it starts afresh
     return True
 
 
