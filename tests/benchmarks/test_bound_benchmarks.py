@@ -11,7 +11,7 @@ import pytest
 from formulations import certified_bound, cramer_rao
 from formulations.certified_bound import information_bound
 from formulations.cramer_rao import posterior_cramer_rao
-from formulations.model import library, recursion
+from formulations.model import compiler, recursion
 
 STEPS = 8400  # 14 minutes at 10 Hz
 EVERY = 10  # a range a second
@@ -48,7 +48,7 @@ def road(request, monkeypatch):
         sweep.cache_clear()
     monkeypatch.setattr(recursion, "BREAK_EVEN", 0)
     if request.param == "virtual-machine":
-        monkeypatch.setattr(library, "find_compiler", lambda: None)
+        monkeypatch.setattr(compiler, "find_compiler", lambda: None)
     yield request.param
     for sweep in sweeps:
         sweep.cache_clear()
