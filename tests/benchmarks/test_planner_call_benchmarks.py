@@ -35,27 +35,27 @@ def prepared(planner):
 
 @pytest.mark.parametrize("name", CLOSED)
 def test_public_plan(name, benchmark):
-    benchmark.group = name
+    benchmark.group = f"one decision of `{name}`, public plan and its bare Function"
     decision = benchmark(CLOSED[name].plan, POSE, AUVS)
     assert np.isfinite([decision.turn_rate, decision.speed]).all()
 
 
 @pytest.mark.parametrize("name", CLOSED)
 def test_bare_function_by_a_prepared_buffer(name, benchmark):
-    benchmark.group = name
+    benchmark.group = f"one decision of `{name}`, public plan and its bare Function"
     result = benchmark(prepared(CLOSED[name]))
     assert result[0] == CLOSED[name].plan(POSE, AUVS).turn_rate
 
 
 @pytest.mark.parametrize("name", CLOSED)
 def test_bare_function_called_with_numbers(name, benchmark):
-    benchmark.group = name
+    benchmark.group = f"one decision of `{name}`, public plan and its bare Function"
     call = prepared(CLOSED[name])
     result = benchmark(call.function, call.given)
     assert float(result[0]) == CLOSED[name].plan(POSE, AUVS).turn_rate
 
 
 def test_public_plan_of_the_default_planner(benchmark):
-    benchmark.group = "information"
+    benchmark.group = "one decision of `information`, 1 AUV"
     decision = benchmark(INFORMATION.plan, POSE, AUVS)
     assert decision.status is op.Status.OPTIMAL
