@@ -15,7 +15,7 @@ from formulations.model.covariance import Ranging
 from formulations.solution import Status
 from formulations.trajectory import Controls, PathLimits, Task, convex_areas, freer_side, optimise
 from formulations.trajectory.expressions import Shape, limits
-from formulations.trajectory.program import Program, program
+from formulations.trajectory.program import Answer, Program, program
 from formulations.trajectory.search import TOLERANCE
 
 DISC = np.array([2.5, 1.0, 1.0])
@@ -396,9 +396,10 @@ def only(solve, when):
     """Let solver calls fail unless wanted; calls are numbered from 0."""
     calls = []
 
-    def solving(self, solver, start, *rest):
+    def solving(self, solver, *given, **options):
         calls.append(solver)
-        return solve(self, solver, start, *rest) if when(len(calls) - 1, solver) else None
+        wanted = when(len(calls) - 1, solver)
+        return solve(self, solver, *given, **options) if wanted else Answer(None)
 
     return solving
 
@@ -437,7 +438,8 @@ def test_answer_through_a_keep_out_or_worse_than_the_manoeuvre_is_not_taken(monk
     lies = [np.zeros(20), np.full(20, 2.0)]
     through = task_of((2.5, -3.0, np.pi / 2), [(0.0, 0.0)], discs=[DISC], least=0.5, greatest=8.0)
     for lie, asked in zip(lies, (through, task), strict=True):
-        monkeypatch.setattr(Program, "solve", lambda *_, lie=lie: Controls(lie, np.ones(20)))
+        told = Answer(Controls(lie, np.ones(20)))
+        monkeypatch.setattr(Program, "solve", lambda *_, told=told, **__: told)
         found = optimise(asked, "log-det", limits=true_limits(asked, margin(discs=[DISC])))
         assert found.status == Status.BEST_MANOEUVRE
         assert found.primal_residual <= TOLERANCE
@@ -446,7 +448,7 @@ def test_answer_through_a_keep_out_or_worse_than_the_manoeuvre_is_not_taken(monk
 def test_where_nothing_keeps_the_limits_and_no_solver_answers_the_least_violating_manoeuvre_is_taken(
     monkeypatch,
 ):
-    monkeypatch.setattr(Program, "solve", lambda *_: None)
+    monkeypatch.setattr(Program, "solve", lambda *_, **__: Answer(None))
     inside = task_of((2.5, 1.2, 0.0), [(0.0, 0.0)], discs=[DISC])
     found = optimise(inside, "log-det", limits=true_limits(inside, margin(discs=[DISC])))
     assert found.status == Status.VIOLATED
@@ -465,7 +467,8 @@ def test_solver_that_raises_is_a_failed_attempt(monkeypatch):
 def test_nothing_is_begun_in_a_hurry():
     task, limits = example()
     assert (
-        optimise(task, "log-det", limits=limits, hurry=lambda: True).status == Status.BEST_MANOEUVRE
+        optimise(task, "log-det", limits=limits, seconds_left=lambda: 0.0).status
+        == Status.BEST_MANOEUVRE
     )
 
 

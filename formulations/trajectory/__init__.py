@@ -2,7 +2,7 @@
 
 from .areas import Areas, convex_areas
 from .program import Controls
-from .search import PathLimits, freer_side, optimise
+from .search import PathLimits, build, freer_side, optimise
 from .task import OBJECTIVES, Task
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "Controls",
     "PathLimits",
     "Task",
+    "build",
     "convex_areas",
     "freer_side",
     "optimise",

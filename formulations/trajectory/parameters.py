@@ -57,12 +57,13 @@ def setting(task: Task, heard: Task, start: Controls, objective: str, side: floa
 def _shape(task: Task, heard: Task, objective: str, *, moving: bool, neighbours: int) -> Shape:
     """What the program of a task depends on."""
     separated = neighbours > 0
+    covariance = objective == "covariance"
     return Shape(
         objective=objective,
         stages=len(task.durations),
         auvs=len(heard.weights),
-        moving=moving,
-        squared=task.ranging.squared if objective == "covariance" else False,
+        moving=moving and not covariance,  # which looks at the ends of stages alone
+        squared=task.ranging.squared and covariance,
         neighbours=neighbours,
         least=separated and bool(task.least > 0),
         greatest=separated and bool(np.isfinite(task.greatest)),

@@ -32,6 +32,8 @@ FIRST_BARRIER = 1e-4
 MOST_INFEASIBLE = 1.0
 MOST_OF_MOMENTS = 100.0
 SLACK_START = 1e-2  # above what the guess needs: interior
+SOLVERS = ("fatrop", "ipopt")  # the one that knows the stages; the one that is slower, fails less
+HALVINGS = 3  # of the iterations allowed, so that less time is enough
 
 
 class Controls(NamedTuple):
@@ -39,6 +41,13 @@ class Controls(NamedTuple):
 
     turn_rates: Float[np.ndarray, " N"]
     speeds: Float[np.ndarray, " N"]
+
+
+class Answer(NamedTuple):
+    """What a solver came to; no controls where it failed."""
+
+    controls: Controls | None
+    iterations: int = 0
 
 
 class Program:
@@ -56,6 +65,8 @@ class Program:
         self._g, self._task = symbols(task_blocks(shape), "g")
         self._stages = [symbols(stage_blocks(shape), f"s{k}") for k in range(shape.stages)]
         self._p = ca.vertcat(self._g, *(column for column, _ in self._stages))
+        self._solvers: dict[tuple[str, int], ca.Function] = {}
+        self._pace: dict[str, float] = {}  # time of an iteration [s], as the last answer took
 
     @property
     def _start(self) -> SX:
@@ -129,40 +140,70 @@ class Program:
             variables.append(x)
         return ca.Function("rollout", [given, self._p], [ca.vertcat(*variables), cost])
 
-    @cached_property
-    def _fatrop(self) -> ca.Function:
-        """The solver that knows the stages."""
+    def build(self, *, timed: bool) -> None:
+        """Compile all that `solve` may need; ``timed``: also what it needs where time is short."""
+        _ = self._rollout
+        for name in SOLVERS:
+            for iterations in self._allowed if timed else self._allowed[:1]:
+                self._solver(name, iterations)
+
+    @property
+    def _allowed(self) -> list[int]:
+        """Iterations that solvers are compiled for, the most first."""
+        halves = {self.max_iterations >> k for k in range(HALVINGS + 1)}
+        return sorted(halves - {0}, reverse=True)
+
+    def _affordable(self, name: str, seconds: float) -> int:
+        """The most iterations that a solver can do in a time; 0: none.
+
+        An iteration takes as long as those of its last answer. Before the first one, fewest are
+        tried.
+        """
+        if seconds == np.inf:
+            return self.max_iterations
+        if name not in self._pace:
+            return self._allowed[-1]
+        fitting = [n for n in self._allowed if n * self._pace[name] <= seconds]
+        return max(fitting, default=0)
+
+    def _solver(self, name: str, iterations: int) -> ca.Function:
+        """A solver that ends after so many iterations, compiled when it is first needed."""
+        key = name, iterations
+        if key not in self._solvers:
+            options = self._options(name, iterations)
+            if iterations < self.max_iterations:  # the derivatives are the same
+                whole = self._solver(name, self.max_iterations)
+                options["cache"] = {each: whole.get_function(each) for each in whole.get_function()}
+            self._solvers[key] = ca.nlpsol("trajectory", name, self._nlp, options)
+        return self._solvers[key]
+
+    def _options(self, name: str, iterations: int) -> dict[str, Any]:
+        """Options of CasADi's, and the solver's own."""
+        covariance = self.shape.objective == "covariance"
+        own = {
+            "print_level": 0,
+            "tol": TOLERANCE,
+            "max_iter": iterations,
+            "theta_max_fact": MOST_INFEASIBLE if covariance else MOST_OF_MOMENTS,
+        }
+        options = {
+            "print_time": False,
+            "record_time": True,
+            "show_eval_warnings": False,
+            "error_on_fail": False,
+            name: own,
+        }
+        if name == "ipopt":
+            own["sb"] = "yes"
+            return options
+        own["mu_init"] = FIRST_BARRIER
         N = self.shape.stages
-        options = self._options("fatrop", mu_init=FIRST_BARRIER)
         options["structure_detection"] = "manual"
         options["N"] = N
         options["nx"] = [0] + [self.nx] * N
         options["nu"] = [self.nu] * N + [0]
         options["ng"] = self._rows[0]
-        return ca.nlpsol("trajectory", "fatrop", self._nlp, options)
-
-    @cached_property
-    def _ipopt(self) -> ca.Function:
-        """The solver that is slower, and fails less."""
-        return ca.nlpsol("trajectory", "ipopt", self._nlp, self._options("ipopt", sb="yes"))
-
-    def _options(self, solver: str, **own: float | str) -> dict[str, Any]:
-        """Options of CasADi's, and the solver's own."""
-        covariance = self.shape.objective == "covariance"
-        own["print_level"] = 0
-        own["tol"] = TOLERANCE
-        own["max_iter"] = self.max_iterations
-        own["theta_max_fact"] = MOST_INFEASIBLE if covariance else MOST_OF_MOMENTS
-        return {
-            "print_time": False,
-            "show_eval_warnings": False,
-            "error_on_fail": False,
-            solver: own,
-        }
-
-    def _solver(self, name: str) -> ca.Function:
-        """A solver, compiled when it is first needed."""
-        return self._fatrop if name == "fatrop" else self._ipopt
+        return options
 
     def solve(
         self,
@@ -170,26 +211,43 @@ class Program:
         start: Controls,
         parameters: Float[np.ndarray, " n"],
         bounds: Float[np.ndarray, "2 2"],
-    ) -> Controls | None:
-        """Improve on a sequence; None where the solver says it failed.
+        *,
+        seconds: float = np.inf,
+    ) -> Answer:
+        """Improve on a sequence; no controls where the solver says it failed.
 
-        ``bounds``: least and greatest turn rate, and speed.
+        ``bounds``: least and greatest turn rate, and speed. ``seconds``: that it may take, about.
         """
+        iterations = self._affordable(name, seconds)
+        if iterations == 0:
+            return Answer(None)
         lower, upper = self._bounds(bounds)
-        solver = self._solver(name)
+        solver = self._solver(name, iterations)
         try:
             guess = self._rollout(self._given(start), parameters)[0].full()
             # fatrop does not return from numbers that are not finite
             if not (np.isfinite(parameters).all() and np.isfinite(guess).all()):
-                return None
+                return Answer(None)
             found = solver(x0=guess, p=parameters, lbx=lower, ubx=upper, lbg=0.0, ubg=self._rows[1])
         except RuntimeError:  # whatever a solver stumbles over is a reason to try the next
-            return None
-        if not solver.stats()["success"]:
-            return None
-        variables = found["x"].full().reshape(self.shape.stages, -1)
+            return Answer(None)
+        said = solver.stats()
+        taken = max(1, said["iter_count"])
+        self._pace[name] = said["t_wall_total"] / taken
+        if not said["success"]:
+            return Answer(None, taken)
+        return Answer(self._controls(found["x"].full(), start, bounds), taken)
+
+    def _controls(
+        self,
+        variables: Float[np.ndarray, "n 1"],
+        start: Controls,
+        bounds: Float[np.ndarray, "2 2"],
+    ) -> Controls | None:
+        """The controls among the variables, within their bounds; None where one is no number."""
+        by_stage = variables.reshape(self.shape.stages, -1)
         least, greatest = bounds[:, : self.free]
-        u = np.clip(variables[:, : self.free], least, greatest)
+        u = np.clip(by_stage[:, : self.free], least, greatest)
         if not np.isfinite(u).all():
             return None
         return Controls(u[:, 0], u[:, 1] if self.shape.free_speed else start.speeds)

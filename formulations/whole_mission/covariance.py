@@ -1,47 +1,83 @@
 """The AUVs' mean predicted position variance, a function of where the aid vehicle is at ranges."""
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from ..model.casadi import SX, matrix, symbol
+from ..model.casadi import SX, symbol
 from ..model.covariance import condition_on_range, pack, pack_array, propagate, symmetric, unpack
+from ..model.recursion import Recursion
 from .problem import HEADING, Maps, Problem
 
 PACKED = 10  # entries of a packed covariance
 FREE = ((0, 2), (1, 2), (2, 2), (3, 2), (0, 3), (1, 3), (2, 3))  # of a transition: not 0 or 1
+ROWS = {  # of what a stage is told of an AUV
+    "position": 2,  # of the AUV at the end [m]
+    "first": 33,  # maps of the first half: transition, noise, heading
+    "second": 33,  # and of the second
+    "pings": 1,  # number of ranges at the end
+    "share": 3,  # of the mission's time: of the beginning, the middle and the end
+    "weight": 1,
+    "sigma": 1,  # standard deviation of a range
+}
+HALF = (16, 16, 1)  # rows of the parts of a half's maps
 
 
 class PredictedVariance:
     """Weighted position variance over the mission's time [m^2], and its gradient by positions [m].
 
-    The variances of a stage's beginning, middle and end count as `MissionStages.share` says.
+    The variances of a stage's beginning, middle and end count as `MissionStages.share` says. Each
+    AUV's covariances are followed through the stages, and the gradient backwards.
     """
 
     def __init__(self, problem: Problem) -> None:
         stages = problem.stages
         S, M = len(stages.end), len(problem.weights)
-        first, second = stages.halves
         of_stages = [
             problem.position[stages.end],
-            *columns(first),
-            *columns(second),
-            stages.pings,
-            stages.share,
+            *columns(stages.halves[0]),
+            *columns(stages.halves[1]),
+            np.tile(stages.pings[:, None], M),
+            np.tile(stages.share[:, None], (M, 1)),
             np.tile(problem.weights, (S, 1)),
-            np.full(S, problem.ranging.sigma),
+            np.full((S, M), problem.ranging.sigma),
         ]
-        start = pack_array(problem.covariance)
-        by_stage = [part.reshape(S, -1).T for part in of_stages]
-        self._parameters = [ca.DM(start.T), *(ca.DM(part) for part in by_stage)]
-        self._function = variance_function(S, M, problem.ranging.squared)
+        told = [part.reshape(S, M, -1) for part in of_stages]
+        self._told = np.moveaxis(np.concatenate(told, axis=-1), 1, 0)
+        self._first = pack_array(problem.covariance)
+        self._sweeps = sweeps(problem.ranging.squared)
+
+    def value(self, x: Float[np.ndarray, "S 2"]) -> float:
+        """The mean variance with the aid vehicle at x at the stages' ends."""
+        return mean_variance(self._followed(x))
 
     def __call__(self, x: Float[np.ndarray, "S 2"]) -> tuple[float, Float[np.ndarray, "S 2"]]:
-        """The mean variance with the aid vehicle at x at the stages' ends, and its gradient."""
-        value, gradient = self._function(x.T, *self._parameters)
-        return float(value), gradient.full().T
+        """The mean variance, and its gradient."""
+        states = self._followed(x)
+        gradient = np.zeros_like(x)
+        slopes = np.zeros((len(x) + 1, PACKED + 2))
+        for auv in reversed(range(len(states))):
+            before = states[auv, :-1]
+            self._sweeps.backward(slopes, before[::-1], x[::-1], self._told[auv, ::-1])
+            gradient += slopes[:0:-1, PACKED:]
+        return mean_variance(states), gradient
+
+    def _followed(self, x: Float[np.ndarray, "S 2"]) -> Float[np.ndarray, "M stages n"]:
+        """Each AUV's covariance and share of the mean variance, before and after each stage."""
+        states = np.zeros((len(self._told), len(x) + 1, PACKED + 1))
+        states[:, 0, :PACKED] = self._first
+        for auv, told in zip(states, self._told, strict=True):
+            self._sweeps.forward(auv, x, told)
+        return states
+
+
+def mean_variance(states: Float[np.ndarray, "M stages n"]) -> float:
+    """The sum of all shares, stage by stage in the order of the AUVs."""
+    shares = states[:, 1:, PACKED].T
+    return float(np.cumsum(shares)[-1])
 
 
 def columns(maps: Maps) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -49,55 +85,53 @@ def columns(maps: Maps) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return maps.transition.swapaxes(-1, -2), maps.noise, maps.heading
 
 
-@lru_cache(maxsize=16)
-def variance_function(S: int, M: int, squared: bool) -> ca.Function:
-    """(positions 2 x S, first covariances, parameters of the stages) -> mean variance, gradient."""
-    stage = stage_function(M, squared)
-    first, x = matrix("P", PACKED, M), matrix("x", 2, S)
-    parameters = []
-    for i in range(3, stage.n_in()):  # after covariances, sum and position
-        rows, each = stage.size_in(i)
-        parameters.append(matrix(f"p{i}", rows, each * S))
-    _, sums = stage.mapaccum("stages", S, 2)(first, 0, x, *parameters)
-    total = sums[-1]
-    return ca.Function("variance", [x, first, *parameters], [total, ca.gradient(total, x)])
+class Sweeps(NamedTuple):
+    """Through the stages of one AUV and back.
 
-
-@lru_cache(maxsize=16)
-def stage_function(M: int, squared: bool) -> ca.Function:
-    """One stage: (covariances, sum so far, position, parameters) -> (covariances, sum).
-
-    Parameters: positions of the AUVs, the maps of both halves, number of ranges, share of the
-    mission's time, weights, standard deviation of a range.
+    ``forward`` carries the covariance and the stage's share of the mean variance, given positions
+    of the aid vehicle and what stages are told. ``backward`` carries the gradients of the mean
+    variance by the covariance and by the position, given states, positions and the same.
     """
-    P, total, x = symbol("P", PACKED, M), symbol("total"), symbol("x", 2)
-    positions = symbol("auvs", 2, M)
-    first_half, second_half = half_symbols(M), half_symbols(M)
-    pings, share = symbol("pings"), symbol("share", 3)
-    weights, sigma = symbol("weights", M), symbol("sigma")
-    after, mean = [], total
-    for i in range(M):
-        begin = unpack(P[:, i])
-        middle = advanced(begin, [part[:, i] for part in first_half])
-        end = advanced(middle, [part[:, i] for part in second_half])
-        variances = [covariance[0, 0] + covariance[1, 1] for covariance in (begin, middle, end)]
-        mean += weights[i] * ca.dot(share, ca.vertcat(*variances))
-        apart = x - positions[:, i]
-        ranged = condition_on_range(end, apart, sigma=sigma, pings=pings, squared=squared)
-        after.append(pack(ranged))
-    maps = [ca.vec(part) for part in (positions, *first_half, *second_half)]
-    inputs = [P, total, x, *maps, pings, share, weights, sigma]
-    return ca.Function("stage", inputs, [ca.horzcat(*after), mean])
+
+    forward: Recursion
+    backward: Recursion
 
 
-def half_symbols(M: int) -> tuple[SX, SX, SX]:
-    """Symbols of one interval's maps: a column for each AUV."""
-    return symbol("T", 16, M), symbol("Q", 16, M), symbol("h", 1, M)
+@lru_cache(maxsize=2)
+def sweeps(squared: bool) -> Sweeps:
+    """The sweeps for distances or squared ranges."""
+    stage = stage_function(squared)
+    state, x, told = symbol("state", PACKED + 1), symbol("x", 2), symbol("told", sum(ROWS.values()))
+    P = state[:PACKED]
+    after, share = stage(P, x, told)
+    forward = ca.Function("followed", [state, x, told], [ca.vertcat(after, share)])
+    slope = symbol("slope", PACKED + 2)
+    by_P, by_x, _ = stage.reverse(1)(P, x, told, after, share, slope[:PACKED], 1)
+    given = [slope, state, x, told]
+    backward = ca.Function("returned", given, [ca.densify(ca.vertcat(by_P, by_x))])
+    return Sweeps(Recursion(forward), Recursion(backward))
 
 
-def advanced(P: SX, maps: list[SX]) -> SX:
+def stage_function(squared: bool) -> ca.Function:
+    """One stage of one AUV: (covariance, position of the aid vehicle, told) -> (covariance, share).
+
+    The share is the AUV's in the mean variance. For ``told`` see `ROWS`.
+    """
+    P, x, told = symbol("P", PACKED), symbol("x", 2), symbol("told", sum(ROWS.values()))
+    parts = ca.vertsplit(told, np.cumsum([0, *ROWS.values()]).tolist())
+    position, first, second, pings, share, weight, sigma = parts
+    begin = unpack(P)
+    middle = advanced(begin, first)
+    end = advanced(middle, second)
+    variances = [covariance[0, 0] + covariance[1, 1] for covariance in (begin, middle, end)]
+    counted = weight * ca.dot(share, ca.vertcat(*variances))
+    ranged = condition_on_range(end, x - position, sigma=sigma, pings=pings, squared=squared)
+    return ca.Function("stage", [P, x, told], [pack(ranged), counted])
+
+
+def advanced(P: SX, maps: SX) -> SX:
     """`problem.advance` of one AUV as an expression; of the transition only `FREE` is read."""
-    T, Q, h = maps
+    T, Q, h = ca.vertsplit(maps, np.cumsum([0, *HALF]).tolist())
     F = ca.SX.eye(4)
     for row, column in FREE:
         F[row, column] = T[row + 4 * column]

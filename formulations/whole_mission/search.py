@@ -60,7 +60,7 @@ class Objective:
     def value(self, w: Float[np.ndarray, " n"]) -> float:
         """Mean variance [m^2]."""
         at_ranges = self.turns.poses(w)[self.turns.problem.stages.end, :2]
-        return self.variance(at_ranges)[0]
+        return self.variance.value(at_ranges)
 
     def primal_residual(self, w: Float[np.ndarray, " n"]) -> float:
         """How far the path breaks a limit at a sample [m], at least 0."""

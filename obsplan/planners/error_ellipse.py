@@ -7,13 +7,16 @@ from typing import Annotated
 import casadi as ca
 import numpy as np
 
+from formulations.model.arcs import arc
 from formulations.model.schedule import time_to_next
 from formulations.solution import Status
 from obsplan.planning.candidates import first_of_the_best
 from obsplan.planning.checks import check_at_least, check_situation
-from obsplan.planning.expressions import Command, Targets, decide
+from obsplan.planning.expressions import Command, Symbolic, Targets, Vectorized, decide
 from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
+
+SCALARS = 8  # AUVs up to which scalars are no slower than matrices, which hold all candidates
 
 
 @dataclass(frozen=True)
@@ -46,18 +49,22 @@ class ErrorEllipse:
         """Choose the best turn."""
         return decide(self, pose, auvs, time)
 
-    def expression(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:
-        """The best candidate, scores of all being one expression."""
+    @property
+    def expression(self) -> Vectorized:
+        """The decision as an expression."""
+        return Vectorized(self.choose, scalars=SCALARS)
+
+    def choose(self, time: Symbolic, pose: Symbolic, targets: Targets) -> Command:
+        """The best candidate, all of them scored for every AUV at once."""
         cna = self.situation.cna
         limit = cna.max_turn_rate
         rates = np.linspace(limit, -limit, self.turn_rates)
         wait = time_to_next(time, self.situation.ping_interval)
-        places = ca.horzcat(
-            *(cna.step(pose[:3], ca.SX(ca.DM([u, cna.speed])), wait)[:2] for u in rates)
-        )
+        places = arc(pose, ca.DM(rates).T, cna.speed, wait)
         auvs = targets.mean[:2, :] + targets.velocity * wait
-        x = places[0, :].T - ca.repmat(auvs[0, :], self.turn_rates, 1)
-        y = places[1, :].T - ca.repmat(auvs[1, :], self.turn_rates, 1)
+        count = targets.mean.shape[1]
+        x = ca.repmat(places[0, :].T, 1, count) - ca.repmat(auvs[0, :], self.turn_rates, 1)
+        y = ca.repmat(places[1, :].T, 1, count) - ca.repmat(auvs[1, :], self.turn_rates, 1)
         p11, p12, p22 = (
             ca.repmat(targets.position_covariance[i, :], self.turn_rates, 1) for i in range(3)
         )
@@ -66,5 +73,5 @@ class ErrorEllipse:
         across = variance / ca.if_else(square > 0, square, 1.0)
         totals = across @ (targets.weight / ca.sum1(targets.weight))
         best, turn_rate = first_of_the_best(self.turn_rates)(totals, rates, 0.0)
-        none = ca.SX.nan(1, targets.mean.shape[1])
-        return Command(turn_rate, ca.SX(cna.speed), best, none, ca.SX(float(Status.OPTIMAL)))
+        unknown = ca.DM.nan(1, count)
+        return Command(turn_rate, ca.DM(cna.speed), best, unknown, ca.DM(float(Status.OPTIMAL)))

@@ -1,7 +1,7 @@
 """Path inertia: circle so that the path looks equally long from all sides (thesis chapter 3)."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import lru_cache, partial
 from typing import Annotated, Literal
@@ -18,7 +18,7 @@ from formulations.path_inertia import (
 )
 from formulations.solution import Status
 from obsplan.planning.checks import check_situation
-from obsplan.planning.expressions import Command, Targets, decide
+from obsplan.planning.expressions import Command, Symbolic, Targets, Vectorized, decide
 from obsplan.planning.fallback import predict_path, unusable
 from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
@@ -67,14 +67,16 @@ class PathInertia:
         _ = problem(self)  # its limits are checked there
 
     @property
-    def expression(self) -> Callable[[ca.SX, ca.SX, Targets], Command] | None:
+    def expression(self) -> Vectorized | None:
         """The decision as an expression; None where a program has to be solved."""
         limited = (
             self.change_weight
             or self.max_radius is not None
             or self.max_center_distance is not None
         )
-        return None if limited or self.solver != "closed-form" else self.closed_form
+        if limited or self.solver != "closed-form":
+            return None
+        return Vectorized(self.closed_form)
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Choose the circle to turn on."""
@@ -82,7 +84,12 @@ class PathInertia:
             return decide(self, pose, auvs, time)
         return unusable(self.situation.cna, pose, auvs) or self._solve(pose, auvs)
 
-    def closed_form(self, time: ca.SX, pose: ca.SX, targets: Targets) -> Command:  # noqa: ARG002
+    def closed_form(
+        self,
+        time: Symbolic,  # noqa: ARG002
+        pose: Symbolic,
+        targets: Targets,
+    ) -> Command:
         """The turn rate without limits beyond the vehicle's own."""
         cna = self.situation.cna
         x1, x2 = pose[0] - targets.mean[0, :], pose[1] - targets.mean[1, :]
@@ -99,7 +106,7 @@ class PathInertia:
         condition = curvature_condition_number(curvature, offset, square_distance)
         status = ca.if_else(clipped, float(Status.CLIPPED), float(Status.OPTIMAL))
         return Command(
-            cna.speed * curvature, ca.SX(cna.speed), condition @ weight, condition, status
+            cna.speed * curvature, ca.DM(cna.speed), condition @ weight, condition, status
         )
 
     def _solve(self, pose: Pose, auvs: Sequence[Belief]) -> Decision:

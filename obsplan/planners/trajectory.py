@@ -1,7 +1,7 @@
 """Trajectory: optimise the turns over a receding horizon, under limits on position."""
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property, lru_cache
 from time import perf_counter
 from typing import Annotated, Literal, NamedTuple
@@ -15,6 +15,7 @@ from formulations.trajectory import (
     Controls,
     PathLimits,
     Task,
+    build,
     convex_areas,
     freer_side,
     optimise,
@@ -56,6 +57,10 @@ class Trajectory:
     Separations are kept from where AUVs are expected. A margin covers the uncertainty of their
     positions and how far they may stray in a stage.
 
+    Programs are built before a mission (`prepare`); elsewhere by the first decision, for seconds,
+    unless it is prepared for AUVs like those that are to come (`build`). Under a deadline no
+    solver is begun that has no time for its iterations: as long as those of the last answer each.
+
     The warm start is the planner's last trajectory, as long as time goes on. Asked about the same
     time again, about an earlier one, or about one after the trajectory's end, it starts afresh.
     """
@@ -76,7 +81,7 @@ class Trajectory:
     max_iterations: Annotated[int, "of each solver, at least 1"] = 100
     deadline: Annotated[
         float | None,
-        "time after which no further solver is begun [s]; default: none, so that results repeat",
+        "time a decision may take, about [s]; default: no limit, so that results repeat",
     ] = None
 
     def __post_init__(self) -> None:
@@ -111,6 +116,19 @@ class Trajectory:
         """Build the programs before the mission, so that no decision waits for that."""
         built(self, pose)
 
+    def build(self, pose: Pose, auvs: Sequence[Belief]) -> None:
+        """Build the programs that AUVs like these need, every solver's, and decide once."""
+        if unusable(self.situation.cna, pose, auvs) is not None:
+            return
+        build(
+            self._task(pose, auvs, 0.0, self._durations(0.0)),
+            self.objective,
+            limits=self._limits(auvs) if self.constraints else None,
+            max_iterations=self.max_iterations,
+            timed=self.deadline is not None,
+        )
+        replace(self, deadline=None).plan(pose, auvs)
+
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Choose the first turn of the best trajectory."""
         decision = unusable(self.situation.cna, pose, auvs)
@@ -134,7 +152,7 @@ class Trajectory:
             limits=limits,
             last=None if last is None else last.shifted(time, durations, self.situation.cna),
             max_iterations=self.max_iterations,
-            hurry=lambda: self.deadline is not None and perf_counter() - began > self.deadline,
+            seconds_left=lambda: (self.deadline or np.inf) - (perf_counter() - began),
         )
         side = float(freer_side(limits.terminal(found.poses[-1:]))[0]) if limits else 0.0
         self._memory["plan"] = _Plan(
@@ -240,11 +258,16 @@ class Trajectory:
 
 @lru_cache(maxsize=16)
 def built(planner: Trajectory, pose: Pose) -> bool:
-    """Decide once from the surveys as filed, if any, which builds the programs of this process."""
+    """Build the programs for the surveys as filed, if any, in this process.
+
+    AUVs at rest have other programs than those that move: both are built where both are to come.
+    """
     filed = planner.situation.filed
     if filed is None:
         return False
-    planner.plan(pose, filed.beliefs)  # which it forgets: at the same time it starts afresh
+    fastest = filed.speed.max(axis=1)
+    for sample in sorted({0, int(fastest.argmin()), int(fastest.argmax())}):
+        planner.build(pose, filed.beliefs_at(sample))
     return True
 
 

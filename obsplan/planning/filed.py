@@ -41,10 +41,14 @@ class Filed:
     @property
     def beliefs(self) -> list[Belief]:
         """What is known of the AUVs at the mission's beginning, the current aside."""
+        return self.beliefs_at(0)
+
+    def beliefs_at(self, sample: int) -> list[Belief]:
+        """The AUVs as filed for a sample, known as well as at the beginning."""
         known = zip(
-            self.position[0],
-            self.heading[0],
-            self.speed[0],
+            self.position[sample],
+            self.heading[sample],
+            self.speed[sample],
             self.covariance,
             self.process_noise,
             self.weights,
