@@ -52,7 +52,7 @@ def write_netcdf(run: Run, path: Path | str) -> None:
 
     names = np.array([name.encode() for name in run.names])
     letters = f"string{names.itemsize}"
-    identity = {**_coordinates(run)["auv"][2], "_Encoding": "utf-8"}
+    identity = {**_identity(), "_Encoding": "utf-8"}
     with open_atomically(path) as content:
         file = netcdf_file(content, "w", version=2)
         _set_attributes(file, _attributes(run))
@@ -154,8 +154,7 @@ def _missing(values: np.ndarray) -> dict[str, Any]:
 def _covariances(run: Run) -> Variables:
     """Entries of the lower triangle of each covariance."""
     along = ("auv", "obs")
-    _, states, attributes = _coordinates(run)["state"]
-    units = dict(zip(states.tolist(), attributes[UNITS], strict=True))
+    units = {name: state.unit for name, state in run.scenario.filter_states.items()}
     found: Variables = {}
     for i, row in enumerate(units):
         for j, column in enumerate([*units][: i + 1]):
@@ -208,7 +207,7 @@ def _coordinates(run: Run) -> Variables:
         "auv": (
             ("auv",),
             np.array(run.names),
-            {"cf_role": "trajectory_id", "long_name": "name of the AUV"},
+            _identity(),
         ),
         "state": (
             ("state",),
@@ -221,6 +220,10 @@ def _coordinates(run: Run) -> Variables:
         "lat": (along, lat, {**_latitude("true latitude of the AUV"), "axis": "Y"}),
         "lon": (along, lon, {**_longitude("true longitude of the AUV"), "axis": "X"}),
     }
+
+
+def _identity() -> dict[str, Any]:
+    return {"cf_role": "trajectory_id", "long_name": "name of the AUV"}
 
 
 def _cna(run: Run) -> Variables:

@@ -105,9 +105,28 @@ def make_export(run: Run, *, progress: Progress | None = None) -> Export:
     progress
         Called with (flights done, flights in all).
     """
-    table, cna = run.scenario.table.export, run.scenario.cna
-    if table.min_turn_radius is not None:
-        cna = Unicycle(speed=cna.speed, min_turn_radius=table.min_turn_radius)
+    table, limits = run.scenario.table.export, run.scenario.constraints
+    cna = _loaded_vehicle(run.scenario)
+    simplified, widening = _simplified(run, cna)
+    return Export(
+        scenario=run.scenario,
+        planner=run.planner,
+        simplified=simplified,
+        widening=widening,
+        violation=leg_violation(simplified.track.points, limits),
+        costs=judge(run, simplified.track, cna, progress) if table.replays else None,
+    )
+
+
+def _loaded_vehicle(scenario: Scenario) -> Unicycle:
+    """The vehicle that a mission is loaded into, which may turn wider than the planned one."""
+    cna, radius = scenario.cna, scenario.table.export.min_turn_radius
+    return cna if radius is None else Unicycle(speed=cna.speed, min_turn_radius=radius)
+
+
+def _simplified(run: Run, cna: Unicycle) -> tuple[Simplified, float]:
+    """The mission, and how far [m] wider turns moved the path before."""
+    table = run.scenario.table.export
     flown, sagitta = flown_track(run, SAGITTA * table.tolerance)
     widening = 0.0
     if cna.min_turn_radius > run.scenario.cna.min_turn_radius:
@@ -123,15 +142,7 @@ def make_export(run: Run, *, progress: Progress | None = None) -> Export:
     )
     limits = run.scenario.constraints
     simplified = simplify(flown, allowance, end=table.end, constraints=limits)
-    simplified = replace(simplified, deviation=simplified.deviation + sagitta)
-    return Export(
-        scenario=run.scenario,
-        planner=run.planner,
-        simplified=simplified,
-        widening=widening,
-        violation=leg_violation(simplified.track.points, limits),
-        costs=judge(run, simplified.track, cna, progress) if table.replays else None,
-    )
+    return replace(simplified, deviation=simplified.deviation + sagitta), widening
 
 
 def start_of(run: Run) -> Pose:
