@@ -1,6 +1,6 @@
 """A run's path as a mission for an autopilot, and what it costs to sail it open loop."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -170,18 +170,19 @@ def flown_track(run: Run, sagitta: float) -> tuple[Track, float]:
 def judge(run: Run, track: Track, cna: Unicycle, progress: Progress | None = None) -> Costs:
     """Sail a mission as loaded, on time and late, and the path as flown, under other noise."""
     seeds = tuple(run.seed + 1 + n for n in range(run.scenario.table.export.replays))
-    ways = dict(_ways(run, track, cna))
     reacting = _quick_planner(run)
-    flights = [*ways, *([CLOSED_LOOP] if reacting else [])]
+    late = [seconds for seconds in (0.0, *LATE) if seconds < run.time[-1]]
+    flights = len(seeds) * (1 + len(late) + (reacting is not None))
     error, violation = {CLOSED_LOOP: run.rms_error}, {}
-    for i, way in enumerate(flights):
-        loop = reacting if way == CLOSED_LOOP and reacting else ways[way]
+    done = 0
+    for way, loop in _ways(run, track, cna, late, reacting):
         start = None if way == CLOSED_LOOP else start_of(run)
         outcomes = []
-        for n, seed in enumerate(seeds):
+        for seed in seeds:
             outcomes.append(_outcome(loop, seed, start))
+            done += 1
             if progress:
-                progress(i * len(seeds) + n + 1, len(flights) * len(seeds))
+                progress(done, flights)
         errors, violations = zip(*outcomes, strict=True)
         error[way] = float(np.median(errors))
         if run.scenario.constraints:
@@ -200,8 +201,10 @@ def _outcome(loop: ClosedLoop, seed: int, start: Pose | None) -> tuple[float, fl
     return flown.rms_error, float(flown.violation.max())
 
 
-def _ways(run: Run, track: Track, cna: Unicycle) -> Iterator[tuple[str, ClosedLoop]]:
-    """The path as flown, and the mission on time and late, where the run is longer than that."""
+def _ways(
+    run: Run, track: Track, cna: Unicycle, late: Sequence[float], reacting: ClosedLoop | None
+) -> Iterator[tuple[str, ClosedLoop]]:
+    """The path as flown, the mission as loaded and so late [s], and the planner on board."""
     step, steps = run.scenario.table.time_step, run.time.size - 1
 
     def fixed(commands: Float[np.ndarray, "steps 2"]) -> ClosedLoop:
@@ -211,13 +214,14 @@ def _ways(run: Run, track: Track, cna: Unicycle) -> Iterator[tuple[str, ClosedLo
 
     yield FLOWN, fixed(np.column_stack([run.turn_rate[:-1], run.speed[:-1]]))
     autopilot = Autopilot(cna=cna, acceptance=run.scenario.table.export.min_spacing)
-    for late in (0.0, *LATE):
-        if late < run.time[-1]:
-            way = late_by(late) if late else ON_TIME
-            commands = autopilot.commands(
-                track, start_of(run), time_step=step, steps=steps, late=late
-            )
-            yield way, fixed(commands)
+    for seconds in late:
+        way = late_by(seconds) if seconds else ON_TIME
+        commands = autopilot.commands(
+            track, start_of(run), time_step=step, steps=steps, late=seconds
+        )
+        yield way, fixed(commands)
+    if reacting:
+        yield CLOSED_LOOP, reacting
 
 
 def _quick_planner(run: Run) -> ClosedLoop | None:
