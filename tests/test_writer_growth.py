@@ -1,5 +1,9 @@
-"""What is written of a mission takes a time that grows no faster than the mission."""
+"""What is written of a mission takes a time that grows no faster than the mission, and less memory.
 
+Memory is what Python and numpy allocate, as tracemalloc counts it.
+"""
+
+import tracemalloc
 from functools import cache, partial
 from time import process_time
 
@@ -13,13 +17,14 @@ from obsplan.missions.export import simplify
 from obsplan.missions.flown_path import Allowance
 from obsplan.recording import write_netcdf
 from obsplan.report.errors import errors_figure
-from obsplan.report.files import scenario_toml, tracks_csv
+from obsplan.report.export import make_export
+from obsplan.report.files import BLOCK, scenario_toml, tracks_csv
 from obsplan.report.map import map_figure
 from obsplan.report.path_files import map_mission
 from obsplan.report.style import png
 
 FEW, TIMES = 1000, 64  # and as many times more: in a square the time would grow 4096-fold
-NOISE = 3.0  # of times measured where others are at work
+NOISE = 5.0  # of times measured where others are at work, and of memory that is looked through
 REPEATS = 3  # of the short ones, of which the shortest counts
 ORIGIN = (47.6, -122.3)
 
@@ -128,6 +133,42 @@ def test_path_is_simplified_in_a_time_in_proportion_to_its_samples():
     times = TIMES // 4  # it takes longer than all of the writing
     shorten = partial(simplify, allowance=Allowance(items=times * FEW))
     assert growth(shorten, path(FEW), path(times * FEW)) < NOISE * times
+
+
+def peak(work):
+    """How much memory [bytes] something takes meanwhile."""
+    tracemalloc.start()
+    work()
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return most
+
+
+@pytest.mark.slow
+def test_tracks_take_no_more_memory_for_a_longer_mission():
+    def consume(run):
+        return sum(map(len, tracks_csv(run)))
+
+    few, many = (sampled(count * BLOCK) for count in (1, 5))
+    for run in (few, many):
+        assert run.error.size  # derived once and kept
+    assert peak(lambda: consume(many)) < 1.2 * peak(lambda: consume(few))
+
+
+@pytest.mark.slow
+def test_recording_is_written_in_less_memory_than_its_file_has(tmp_path):
+    run = sampled(5 * BLOCK)
+    run.summary(bounds=False)  # what is derived once and kept
+    written_netcdf(tmp_path, run)  # what is loaded at first use
+    most = peak(lambda: written_netcdf(tmp_path, run))
+    assert most < (tmp_path / "tracks.nc").stat().st_size
+
+
+@pytest.mark.slow
+def test_flights_under_other_noise_are_not_kept():
+    one, many = (flown(duration=200.0, export__replays=count) for count in (1, 8))
+    make_export(one)  # what is loaded and built at first use
+    assert peak(lambda: make_export(many)) < 1.2 * peak(lambda: make_export(one))
 
 
 def test_time_that_grows_with_the_square_is_noticed():
