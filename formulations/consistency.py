@@ -4,7 +4,7 @@ Errors within a run depend on each other: a run is worth fewer independent ones 
 """
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Integer
 from scipy.special import gammaincinv
 
 CONFIDENCE = 0.95  # of the interval
@@ -48,7 +48,6 @@ def effective_samples(
     -------
     Number between 1 and `INSTANTS`; nan where a covariance of the position is singular.
     """
-    gains = _error_transitions(P, F, Q)
     stride = -(-P.shape[0] // INSTANTS)
     at = np.arange(0, P.shape[0], stride)
     blocks = P[at, :position, :position]
@@ -57,7 +56,7 @@ def effective_samples(
     whiten = np.linalg.inv(np.linalg.cholesky(blocks))
     ahead = np.broadcast_to(np.eye(P.shape[-1]), (at.size - 1, *P.shape[1:]))
     for k in range(stride):
-        ahead = gains[at[:-1] + k] @ ahead
+        ahead = _error_transitions(P, F, Q, at[:-1] + k) @ ahead
     dependence = float(position * at.size)  # of each error on itself
     joint = P[at]
     for lag in range(1, at.size):
@@ -71,10 +70,14 @@ def _error_transitions(
     P: Float[np.ndarray, "samples n n"],
     F: Float[np.ndarray, "steps n n"],
     Q: Float[np.ndarray, "n n"],
-) -> Float[np.ndarray, "steps n n"]:
-    """How an error becomes the next: M, with the pseudo-inverse where something is certain."""
-    predicted = F @ P[:-1] @ np.swapaxes(F, -1, -2) + Q
-    return P[1:] @ np.linalg.pinv(predicted, hermitian=True) @ F
+    k: Integer[np.ndarray, " chosen"],
+) -> Float[np.ndarray, "chosen n n"]:
+    """How errors become the next, over the steps k.
+
+    That is M, with the pseudo-inverse where something is certain.
+    """
+    predicted = F[k] @ P[k] @ np.swapaxes(F[k], -1, -2) + Q
+    return P[k + 1] @ np.linalg.pinv(predicted, hermitian=True) @ F[k]
 
 
 def mean_nees_interval(samples: float, *, position: int = 2) -> tuple[float, float]:

@@ -1,6 +1,6 @@
 """A run as a labelled dataset by the CF conventions, and as a NetCDF file."""
 
-from io import BytesIO
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +9,7 @@ from jaxtyping import Float, Int8
 
 from formulations.solution import Status
 from obsplan import geo
-from obsplan.files import write_atomically
+from obsplan.files import open_atomically
 from obsplan.run import Run
 from obsplan.scenario.states import BASIC, own
 
@@ -47,26 +47,68 @@ def write_netcdf(run: Run, path: Path | str) -> None:
     ObsplanError
         The file cannot be written; nothing is left behind.
     """
-    from scipy.io import netcdf_file  # without xarray and pandas, which take longer to import
+    # scipy without xarray and pandas, which take longer to import
+    from scipy.io import netcdf_file
 
     names = np.array([name.encode() for name in run.names])
     letters = f"string{names.itemsize}"
-    content = BytesIO()
-    file = netcdf_file(content, "w", version=2)
-    _set_attributes(file, _attributes(run))
-    file.createDimension("auv", len(names))
-    file.createDimension("obs", run.time.size)
-    file.createDimension(letters, names.itemsize)
-    for name, (dimensions, values, attributes) in as_trajectories(run).items():
-        written = file.createVariable(name, values.dtype.newbyteorder(">"), dimensions)
-        written[:] = values
-        _set_attributes(written, attributes)
-    identity = {**_coordinates(run)["auv"][2], "_Encoding": "utf-8"}
-    written = file.createVariable("auv", "c", ("auv", letters))
-    written[:] = names[:, None].view("S1")
-    _set_attributes(written, identity)
-    file.flush()
-    write_atomically(Path(path), content.getvalue())
+    identity = {**_identity(), "_Encoding": "utf-8"}
+    with open_atomically(path) as content:
+        file = netcdf_file(content, "w", version=2)
+        _set_attributes(file, _attributes(run))
+        file.createDimension("auv", len(names))
+        file.createDimension("obs", run.time.size)
+        file.createDimension(letters, names.itemsize)
+        for name, (dimensions, values, attributes) in as_trajectories(run).items():
+            _add_variable(file, name, dimensions, values, attributes)
+        _add_variable(file, "auv", ("auv", letters), names[:, None].view("S1"), identity)
+        file.close()
+
+
+@dataclass(frozen=True, eq=False)
+class Unconverted:
+    """Values that are laid out as the file wants them when they are written, and not kept so.
+
+    What scipy asks of a variable's data is all there is.
+    """
+
+    values: np.ndarray
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of the values."""
+        return self.values.shape
+
+    @property
+    def size(self) -> int:
+        """Number of values."""
+        return self.values.size
+
+    @property
+    def dtype(self) -> np.dtype:
+        """Type of the file's values: the most significant byte first."""
+        return self.values.dtype.newbyteorder(">")
+
+    @property
+    def itemsize(self) -> int:
+        """Bytes of a value."""
+        return self.values.itemsize
+
+    def tobytes(self) -> bytes:
+        """The file's values."""
+        return self.values.astype(self.dtype).tobytes()
+
+
+def _add_variable(
+    file: Any, name: str, along: tuple[str, ...], values: np.ndarray, attributes: dict[str, Any]
+) -> None:
+    """Add a variable that is converted when the file is closed."""
+    from scipy.io import netcdf_variable
+
+    kind = "c" if values.dtype.kind == "S" else values.dtype.char
+    written = netcdf_variable(Unconverted(values), kind, values.itemsize, values.shape, along)
+    _set_attributes(written, attributes)
+    file.variables[name] = written
 
 
 def _set_attributes(of: Any, attributes: dict[str, Any]) -> None:
@@ -112,8 +154,7 @@ def _missing(values: np.ndarray) -> dict[str, Any]:
 def _covariances(run: Run) -> Variables:
     """Entries of the lower triangle of each covariance."""
     along = ("auv", "obs")
-    _, states, attributes = _coordinates(run)["state"]
-    units = dict(zip(states.tolist(), attributes[UNITS], strict=True))
+    units = {name: state.unit for name, state in run.scenario.filter_states.items()}
     found: Variables = {}
     for i, row in enumerate(units):
         for j, column in enumerate([*units][: i + 1]):
@@ -166,7 +207,7 @@ def _coordinates(run: Run) -> Variables:
         "auv": (
             ("auv",),
             np.array(run.names),
-            {"cf_role": "trajectory_id", "long_name": "name of the AUV"},
+            _identity(),
         ),
         "state": (
             ("state",),
@@ -179,6 +220,10 @@ def _coordinates(run: Run) -> Variables:
         "lat": (along, lat, {**_latitude("true latitude of the AUV"), "axis": "Y"}),
         "lon": (along, lon, {**_longitude("true longitude of the AUV"), "axis": "X"}),
     }
+
+
+def _identity() -> dict[str, Any]:
+    return {"cf_role": "trajectory_id", "long_name": "name of the AUV"}
 
 
 def _cna(run: Run) -> Variables:

@@ -16,6 +16,7 @@ from formulations.cramer_rao import (
     range_information,
     squared_range_information,
 )
+from formulations.model.covariance import unpack_array
 from formulations.solution import Status
 from obsplan.constraints import LimitHistory
 from obsplan.estimators import Process
@@ -171,12 +172,14 @@ class Run:
         It begins with their first covariance and counts the process noise that the filter assumes.
         A filter that has to find out more than these states cannot reach it.
         """
-        J = np.repeat(self._compass_information()[None], len(self.names), axis=0)
-        pings = self.scenario.pings
-        J[:, pings - 1] += self._range_information(pings)
-        return posterior_cramer_rao(
-            self._first_covariance, self._transitions, self._process_covariance[:, None], J
-        )
+        pings, of_compass = self.scenario.pings, self._compass_information()
+        of_ranges = self._range_information(pings)
+        bound = np.empty((*self.truth.shape, self.truth.shape[-1]))
+        for i, (P0, Q) in enumerate(zip(*self._covariances, strict=True)):
+            J = of_compass.copy()
+            J[pings - 1] += of_ranges[i]
+            bound[i] = posterior_cramer_rao(P0, self._transitions(i), Q, J)
+        return bound
 
     def _range_information(self, pings: Integer[np.ndarray, " pings"]) -> np.ndarray:
         """What the range at each ping tells of the true state (auvs x pings x n x n)."""
@@ -240,16 +243,11 @@ class Run:
     def _certified(self, progress: Progress) -> tuple[InformationBound, ...]:
         auvs = len(self.names)
         pings, J = self.scenario.pings, self._compass_information()
-        parts = zip(
-            self._first_covariance,
-            self._transitions,
-            self._process_covariance,
-            self._least_sigma(),
-            strict=True,
-        )
+        parts = zip(*self._covariances, self._least_sigma(), strict=True)
         bounds = []
-        for i, (P0, F, Q, sigma) in enumerate(parts):
+        for i, (P0, Q, sigma) in enumerate(parts):
             tell = partial(_tell, progress, i, auvs)
+            F = self._transitions(i)
             bounds.append(KEPT.bound(P0, F, Q, J, pings=pings - 1, sigma=sigma, progress=tell))
         return tuple(bounds)
 
@@ -261,21 +259,18 @@ class Run:
         start = np.hypot(*np.moveaxis(self.truth[:, pings, :2] - self.cna[0, :2], -1, 0))
         return sigma / (2 * (start + self.scenario.cna.speed * self.time[pings]))
 
-    @cached_property
-    def _first_covariance(self) -> Float[np.ndarray, "auvs n n"]:
-        return first_covariance(self.scenario, self.scenario.truth_states)
-
-    @cached_property
-    def _transitions(self) -> Float[np.ndarray, "auvs steps n n"]:
-        dt, vehicles = self.scenario.table.time_step, self.scenario.vehicles
-        each = zip(vehicles, self.truth, strict=True)
-        return np.stack([transitions(vehicle, states[:-1], dt) for vehicle, states in each])
-
-    @cached_property
-    def _process_covariance(self) -> Float[np.ndarray, "auvs n n"]:
+    @property
+    def _covariances(self) -> tuple[np.ndarray, np.ndarray]:
+        """First covariance and process noise over a step of each AUV, both (auvs x n x n)."""
         scenario = self.scenario
         rows = noise(scenario, scenario.truth_states, assumed=True)
-        return np.stack([np.diag(row**2 * scenario.table.time_step) for row in rows])
+        process = [np.diag(row**2 * scenario.table.time_step) for row in rows]
+        return first_covariance(scenario, scenario.truth_states), np.stack(process)
+
+    def _transitions(self, i: int) -> Float[np.ndarray, "steps n n"]:
+        """Jacobians of an AUV's steps; not kept, as those of a long mission are large."""
+        dt, vehicle = self.scenario.table.time_step, self.scenario.vehicles[i]
+        return transitions(vehicle, self.truth[i, :-1], dt)
 
     def _compass_information(self) -> Float[np.ndarray, "steps n n"]:
         """What the heading measured on arrival at each sample after the first tells of states."""
@@ -361,7 +356,8 @@ def record(
 ) -> Run:
     """Make a run of the loop's carries and logs.
 
-    Carries have the axes (samples, AUVs, rows), covariances being whole; logs (steps, AUVs, rows).
+    Carries have the axes (samples, AUVs, rows), covariances being lower triangles by columns; logs
+    (steps, AUVs, rows).
     """
     missing = np.full((len(scenario.table.auv), 1), np.nan)
     # a carry's command is that of the step before
@@ -378,7 +374,7 @@ def record(
         speed=speed,
         truth=by_auv(carry.truth),
         mean=by_auv(carry.mean),
-        covariance=by_auv(carry.covariance),
+        covariance=unpack_array(carry.covariance.swapaxes(0, 1)),
         # measured at the step's end
         range=np.concatenate([missing, by_auv(log.range)[..., 0]], axis=1),
         # decided at its beginning

@@ -1,5 +1,10 @@
-"""What is written of a mission takes a time that grows no faster than the mission."""
+"""What is written of a mission takes a time that grows no faster than the mission, and less memory.
 
+Memory is what Python and numpy allocate, as tracemalloc counts it.
+"""
+
+import tracemalloc
+from functools import cache, partial
 from time import process_time
 
 import numpy as np
@@ -8,10 +13,19 @@ from oracles import scenario
 
 import obsplan as op
 from obsplan.missions import Mission, Track, writers
-from obsplan.report.files import scenario_toml, tracks_csv
+from obsplan.missions.export import simplify
+from obsplan.missions.flown_path import Allowance
+from obsplan.recording import write_netcdf
+from obsplan.report.errors import errors_figure
+from obsplan.report.export import make_export
+from obsplan.report.files import BLOCK, scenario_toml, tracks_csv
+from obsplan.report.map import map_figure
+from obsplan.report.path_files import map_mission
+from obsplan.report.style import png
 
-FEW, TIMES = 1000, 16  # and as many times more: in a square the time would grow 256-fold
-NOISE = 3.0  # of times measured where others are at work
+FEW, TIMES = 1000, 64  # and as many times more: in a square the time would grow 4096-fold
+NOISE = 5.0  # of times measured where others are at work, and of memory that is looked through
+REPEATS = 3  # of the short ones, of which the shortest counts
 ORIGIN = (47.6, -122.3)
 
 
@@ -25,14 +39,18 @@ def track(count):
     )
 
 
+def took(write, what):
+    """Processor time [s] of writing something once."""
+    begun = process_time()
+    write(what)
+    return process_time() - begun
+
+
 def growth(write, few, many):
     """How many times longer it takes to write more."""
     write(few)  # what is loaded and built at first use
-    begun = process_time()
-    write(few)
-    between = process_time()
-    write(many)
-    return (process_time() - between) / (between - begun)
+    least = min(took(write, few) for _ in range(REPEATS))
+    return took(write, many) / least
 
 
 @pytest.mark.slow
@@ -53,6 +71,12 @@ def flown(**change):
     return op.simulate(scenario(planner__kind="stationary", **change))
 
 
+@cache
+def sampled(count):
+    """A run of so many time steps."""
+    return flown(duration=0.5 * count)
+
+
 @pytest.mark.slow
 def test_scenario_takes_a_time_in_proportion_to_its_waypoints():
     def run(count):
@@ -62,12 +86,92 @@ def test_scenario_takes_a_time_in_proportion_to_its_waypoints():
     assert growth(scenario_toml, run(FEW), run(TIMES * FEW)) < NOISE * TIMES
 
 
-def test_tracks_take_a_time_in_proportion_to_their_samples():
-    few, many = (flown(duration=0.5 * count) for count in (FEW, TIMES * FEW))
-    assert growth(tracks_csv, few, many) < NOISE * TIMES
+def written_netcdf(folder, run):
+    write_netcdf(run, folder / "tracks.nc")
+
+
+def written_map(folder, run):
+    """The tracks of all, as a map has them."""
+    nothing = Mission(tracks={"cna": track(2)}, geographic=True)
+    writers.write_geojson(folder / "path.geojson", map_mission(run, nothing))
+
+
+def summed_up(_folder, run):
+    """Figures of merit without what other tests hold: the certified bound."""
+    op.Run(**{name: getattr(run, name) for name in run.__dataclass_fields__}).summary(bounds=False)
+
+
+WRITTEN = {
+    "tracks.csv": lambda _folder, run: "".join(tracks_csv(run)),
+    "tracks.nc": written_netcdf,
+    "path.geojson": written_map,
+    "map.png": lambda _folder, run: png(partial(map_figure, run)),
+    "errors.png": lambda _folder, run: png(partial(errors_figure, run)),
+    "summary.json": summed_up,
+}
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group("writer growth")
+@pytest.mark.parametrize("name", WRITTEN)
+def test_file_of_a_run_takes_a_time_in_proportion_to_its_samples(name, tmp_path):
+    few, many = sampled(FEW), sampled(TIMES * FEW)
+    assert growth(partial(WRITTEN[name], tmp_path), few, many) < NOISE * TIMES
+
+
+@pytest.mark.slow
+def test_path_is_simplified_in_a_time_in_proportion_to_its_samples():
+    """A lawnmower at a metre a sample, and ever more legs of it."""
+
+    def path(count):
+        side = 100
+        k = np.arange(count)
+        leg, along = k // side, k % side
+        x = np.where(leg % 2 == 0, along, side - 1 - along)
+        return Track(points=np.column_stack([x, leg]).astype(float), time=k.astype(float))
+
+    times = TIMES // 4  # it takes longer than all of the writing
+    shorten = partial(simplify, allowance=Allowance(items=times * FEW))
+    assert growth(shorten, path(FEW), path(times * FEW)) < NOISE * times
+
+
+def peak(work):
+    """How much memory [bytes] something takes meanwhile."""
+    tracemalloc.start()
+    work()
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return most
+
+
+@pytest.mark.slow
+def test_tracks_take_no_more_memory_for_a_longer_mission():
+    def consume(run):
+        return sum(map(len, tracks_csv(run)))
+
+    few, many = (sampled(count * BLOCK) for count in (1, 5))
+    for run in (few, many):
+        assert run.error.size  # derived once and kept
+    assert peak(lambda: consume(many)) < 1.2 * peak(lambda: consume(few))
+
+
+@pytest.mark.slow
+def test_recording_is_written_in_less_memory_than_its_file_has(tmp_path):
+    run = sampled(5 * BLOCK)
+    run.summary(bounds=False)  # what is derived once and kept
+    written_netcdf(tmp_path, run)  # what is loaded at first use
+    most = peak(lambda: written_netcdf(tmp_path, run))
+    assert most < (tmp_path / "tracks.nc").stat().st_size
+
+
+@pytest.mark.slow
+def test_flights_under_other_noise_are_not_kept():
+    one, many = (flown(duration=200.0, export__replays=count) for count in (1, 8))
+    make_export(one)  # what is loaded and built at first use
+    assert peak(lambda: make_export(many)) < 1.2 * peak(lambda: make_export(one))
 
 
 def test_time_that_grows_with_the_square_is_noticed():
     """Negative control."""
     square = lambda count: np.subtract.outer(np.arange(count), np.arange(count)).sum()  # noqa: E731
-    assert growth(square, 200, TIMES * 200) > NOISE * TIMES
+    assert growth(square, 100, TIMES * 100) > NOISE * TIMES

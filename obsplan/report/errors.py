@@ -8,7 +8,6 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
@@ -28,7 +27,14 @@ from obsplan.run import Run
 
 SIGMAS = 3.0
 NEES_BAND = (0.0506, 7.378)  # 2.5 % and 97.5 % of chi-square with 2 degrees
-WIDTH, ROW = 11.0, 2.0  # of the figure, of a row [inch]
+# The layout is fixed [inch]: one that matplotlib finds takes longer than all of the drawing.
+WIDTH = 11.0  # of the figure
+PANEL, BETWEEN = 1.55, 0.5  # height of a panel, and of what is between two of them
+BESIDE, END = 0.75, 0.12  # to the left of each panel, and to the right of the last
+HEAD, FOOT = 0.52, 0.48  # above the panels, and for the time's label below them
+NAME, TIME = 0.56, 0.27  # from a panel to its labels, to the left and below; six digits fit
+ABOVE = 0.05  # the heading
+LEGEND_COLUMNS, LEGEND_LINE = 6, 0.17
 SETTLED = 0.25  # of the mission: what comes later sets the scale of an error
 USUAL = 0.95  # quantile of what is stated: its rare peaks do not set the scale
 OVERSHOOT = 1.5  # times that scale, beyond which the rest of an axis is logarithmic
@@ -46,41 +52,62 @@ def errors_figure(run: Run) -> Figure:
 
     That row has the separation, the predicted condition number and the consistency.
     """
-    rows = len(run.names) + 1
-    figure = Figure(figsize=(WIDTH, ROW * rows + 1.0), layout="constrained")
-    grid = GridSpec(rows, 6, figure=figure)
-    time, label = time_axis(run.time)
-    for i in range(rows - 1):
-        panels = [figure.add_subplot(grid[i, k : k + 2]) for k in (0, 2, 4)]
-        _draw_errors(panels[:2], run, time, i)
-        _draw_distance(panels[2], run, time, i)
     lower = [_draw_separation, _draw_nees]
     if np.isfinite(run.condition).any():
         lower.append(_draw_condition)
-    span = 6 // len(lower)
-    for k, draw in enumerate(lower):
-        draw(figure.add_subplot(grid[-1, k * span : (k + 1) * span]), run, time)
+    figure = Figure()
+    *upper, last = _empty_rows(figure, [3] * len(run.names) + [len(lower)])
+    time, label = time_axis(run.time)
+    for i, panels in enumerate(upper):
+        _draw_errors(panels[:2], run, time, i)
+        _draw_distance(panels[2], run, time, i)
+    for axes, draw in zip(last, lower, strict=True):
+        draw(axes, run, time)
+        axes.set_xlabel(label)
     for axes in figure.axes:
         axes.set_xlim(time[0], time[-1])
         axes.xaxis.set_major_locator(MaxNLocator(nbins=7, steps=[1, 2, 5, 10]))
-    for axes in figure.axes[-len(lower) :]:
-        axes.set_xlabel(label)
     curved = any(axes.get_yscale() == "symlog" for axes in figure.axes)
-    figure.legend(
-        handles=list(_legend(run, curved=curved)),
-        loc="outside lower center",
-        ncols=6,
-        fontsize=8,
-    )
-    figure.align_ylabels()
+    handles = list(_legend(run, curved=curved))
+    _lay_out(figure, [*upper, last], legend_lines=-(-len(handles) // LEGEND_COLUMNS))
+    figure.legend(handles=handles, loc="lower center", ncols=LEGEND_COLUMNS, fontsize=8)
     _write_heading(figure, run)
     return figure
+
+
+def _empty_rows(figure: Figure, counts: Sequence[int]) -> list[list[Axes]]:
+    """Rows of so many panels each, whose places `_lay_out` gives."""
+    anywhere = (0.0, 0.0, 1.0, 1.0)
+    return [[figure.add_axes(anywhere) for _ in range(count)] for count in counts]
+
+
+def _lay_out(figure: Figure, rows: Sequence[Sequence[Axes]], *, legend_lines: int) -> None:
+    """Make a figure as high as its rows need, and give its panels and their labels places."""
+    below = FOOT + LEGEND_LINE * (legend_lines + 1)
+    height = HEAD + len(rows) * PANEL + (len(rows) - 1) * BETWEEN + below
+    figure.set_size_inches(WIDTH, height)
+    for i, row in enumerate(rows):
+        bottom = below + (len(rows) - 1 - i) * (PANEL + BETWEEN)
+        column = (WIDTH - END) / len(row)
+        width = column - BESIDE
+        for k, axes in enumerate(row):
+            left = k * column + BESIDE
+            axes.set_position((left / WIDTH, bottom / height, width / WIDTH, PANEL / height))
+            axes.yaxis.set_label_coords(-NAME / width, 0.5)
+            axes.xaxis.set_label_coords(0.5, -TIME / PANEL)
 
 
 def _write_heading(figure: Figure, run: Run) -> None:
     said = f"RMS position error {metres(run.rms_error)}, worst {metres(run.max_error)}"
     text = f"{title(run.scenario.table.name)}, planner {run.planner}: {said}"
-    figure.suptitle(text, x=0.01, ha="left", fontsize=11, fontweight="bold")
+    figure.suptitle(
+        text,
+        x=0.01,
+        y=1.0 - ABOVE / figure.get_figheight(),
+        ha="left",
+        fontsize=11,
+        fontweight="bold",
+    )
 
 
 def _line(

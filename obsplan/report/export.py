@@ -1,6 +1,6 @@
 """A run's path as a mission for an autopilot, and what it costs to sail it open loop."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -105,9 +105,28 @@ def make_export(run: Run, *, progress: Progress | None = None) -> Export:
     progress
         Called with (flights done, flights in all).
     """
-    table, cna = run.scenario.table.export, run.scenario.cna
-    if table.min_turn_radius is not None:
-        cna = Unicycle(speed=cna.speed, min_turn_radius=table.min_turn_radius)
+    table, limits = run.scenario.table.export, run.scenario.constraints
+    cna = _loaded_vehicle(run.scenario)
+    simplified, widening = _simplified(run, cna)
+    return Export(
+        scenario=run.scenario,
+        planner=run.planner,
+        simplified=simplified,
+        widening=widening,
+        violation=leg_violation(simplified.track.points, limits),
+        costs=judge(run, simplified.track, cna, progress) if table.replays else None,
+    )
+
+
+def _loaded_vehicle(scenario: Scenario) -> Unicycle:
+    """The vehicle that a mission is loaded into, which may turn wider than the planned one."""
+    cna, radius = scenario.cna, scenario.table.export.min_turn_radius
+    return cna if radius is None else Unicycle(speed=cna.speed, min_turn_radius=radius)
+
+
+def _simplified(run: Run, cna: Unicycle) -> tuple[Simplified, float]:
+    """The mission, and how far [m] wider turns moved the path before."""
+    table = run.scenario.table.export
     flown, sagitta = flown_track(run, SAGITTA * table.tolerance)
     widening = 0.0
     if cna.min_turn_radius > run.scenario.cna.min_turn_radius:
@@ -123,15 +142,7 @@ def make_export(run: Run, *, progress: Progress | None = None) -> Export:
     )
     limits = run.scenario.constraints
     simplified = simplify(flown, allowance, end=table.end, constraints=limits)
-    simplified = replace(simplified, deviation=simplified.deviation + sagitta)
-    return Export(
-        scenario=run.scenario,
-        planner=run.planner,
-        simplified=simplified,
-        widening=widening,
-        violation=leg_violation(simplified.track.points, limits),
-        costs=judge(run, simplified.track, cna, progress) if table.replays else None,
-    )
+    return replace(simplified, deviation=simplified.deviation + sagitta), widening
 
 
 def start_of(run: Run) -> Pose:
@@ -159,23 +170,23 @@ def flown_track(run: Run, sagitta: float) -> tuple[Track, float]:
 def judge(run: Run, track: Track, cna: Unicycle, progress: Progress | None = None) -> Costs:
     """Sail a mission as loaded, on time and late, and the path as flown, under other noise."""
     seeds = tuple(run.seed + 1 + n for n in range(run.scenario.table.export.replays))
-    ways = dict(_ways(run, track, cna))
     reacting = _quick_planner(run)
-    flights = [*ways, *([CLOSED_LOOP] if reacting else [])]
-    done: dict[str, list[Run]] = {}
-    for i, way in enumerate(flights):
-        loop = reacting if way == CLOSED_LOOP and reacting else ways[way]
-        start = None if way == CLOSED_LOOP else start_of(run)
-        done[way] = []
-        for n, seed in enumerate(seeds):
-            done[way].append(loop.fly(seed, start=start))
-            if progress:
-                progress(i * len(seeds) + n + 1, len(flights) * len(seeds))
+    late = [seconds for seconds in (0.0, *LATE) if seconds < run.time[-1]]
+    flights = len(seeds) * (1 + len(late) + (reacting is not None))
     error, violation = {CLOSED_LOOP: run.rms_error}, {}
-    for way, runs in done.items():
-        error[way] = float(np.median([one.rms_error for one in runs]))
+    done = 0
+    for way, loop in _ways(run, track, cna, late, reacting):
+        start = None if way == CLOSED_LOOP else start_of(run)
+        outcomes = []
+        for seed in seeds:
+            outcomes.append(_outcome(loop, seed, start))
+            done += 1
+            if progress:
+                progress(done, flights)
+        errors, violations = zip(*outcomes, strict=True)
+        error[way] = float(np.median(errors))
         if run.scenario.constraints:
-            violation[way] = float(max(one.violation.max() for one in runs))
+            violation[way] = max(violations)
     return Costs(
         seeds=seeds,
         closed_loop_seeds=seeds if reacting else (run.seed,),
@@ -184,8 +195,16 @@ def judge(run: Run, track: Track, cna: Unicycle, progress: Progress | None = Non
     )
 
 
-def _ways(run: Run, track: Track, cna: Unicycle) -> Iterator[tuple[str, ClosedLoop]]:
-    """The path as flown, and the mission on time and late, where the run is longer than that."""
+def _outcome(loop: ClosedLoop, seed: int, start: Pose | None) -> tuple[float, float]:
+    """RMS error and violation [m] of a flight, whose recording is not kept: many are flown."""
+    flown = loop.fly(seed, start=start)
+    return flown.rms_error, float(flown.violation.max())
+
+
+def _ways(
+    run: Run, track: Track, cna: Unicycle, late: Sequence[float], reacting: ClosedLoop | None
+) -> Iterator[tuple[str, ClosedLoop]]:
+    """The path as flown, the mission as loaded and so late [s], and the planner on board."""
     step, steps = run.scenario.table.time_step, run.time.size - 1
 
     def fixed(commands: Float[np.ndarray, "steps 2"]) -> ClosedLoop:
@@ -195,13 +214,14 @@ def _ways(run: Run, track: Track, cna: Unicycle) -> Iterator[tuple[str, ClosedLo
 
     yield FLOWN, fixed(np.column_stack([run.turn_rate[:-1], run.speed[:-1]]))
     autopilot = Autopilot(cna=cna, acceptance=run.scenario.table.export.min_spacing)
-    for late in (0.0, *LATE):
-        if late < run.time[-1]:
-            way = late_by(late) if late else ON_TIME
-            commands = autopilot.commands(
-                track, start_of(run), time_step=step, steps=steps, late=late
-            )
-            yield way, fixed(commands)
+    for seconds in late:
+        way = late_by(seconds) if seconds else ON_TIME
+        commands = autopilot.commands(
+            track, start_of(run), time_step=step, steps=steps, late=seconds
+        )
+        yield way, fixed(commands)
+    if reacting:
+        yield CLOSED_LOOP, reacting
 
 
 def _quick_planner(run: Run) -> ClosedLoop | None:

@@ -27,6 +27,7 @@ from obsplan.run import Run
 from obsplan.types import ObsplanError
 
 DECIMALS = 6  # in tables: micrometres, microradians
+BLOCK = 4096  # samples of a table that are made at once
 
 TRACK_COLUMNS = (
     "time_s",
@@ -252,39 +253,44 @@ def toml_value(value: Any) -> str:
     return tomlkit.item(value).as_string()
 
 
-def tracks_csv(run: Run) -> str:
+def tracks_csv(run: Run) -> Iterator[str]:
     """The recording as a table, one row per time and AUV; lengths to a micrometre.
 
-    ``range_m`` is empty between pings. Of a squared range it is the root, and empty where noise
-    made it negative.
+    It comes in pieces of some thousand rows: as a whole it would take much more memory than the
+    recording. ``range_m`` is empty between pings. Of a squared range it is the root, and empty
+    where noise made it negative.
     """
-    columns = [rounded(column) for column in (run.time, *run.cna.T, run.turn_rate)]
-    sigma = np.sqrt(np.maximum(np.diagonal(run.covariance, axis1=2, axis2=3), 0.0))
+    yield table_csv([TRACK_COLUMNS])
+    for begin in range(0, run.time.size, BLOCK):
+        yield table_csv(_track_rows(run, slice(begin, begin + BLOCK)))
+
+
+def _track_rows(run: Run, some: slice) -> Iterator[tuple[str, ...]]:
+    """Rows of some samples."""
+    common = [rounded(column) for column in (run.time[some], *run.cna[some].T, run.turn_rate[some])]
+    measured = ranges(run.scenario.ranging_kind, run.range[:, some])
     per_auv = []
     for i, name in enumerate(run.names):
+        variance = np.diagonal(run.covariance[i, some, :2, :2], axis1=1, axis2=2)
         figures = (
-            *run.truth[i, :, :3].T,
-            *run.mean[i, :, :2].T,
-            *sigma[i, :, :2].T,
-            run.error[i],
-            ranges(run)[i],
+            *run.truth[i, some, :3].T,
+            *run.mean[i, some, :2].T,
+            *np.sqrt(np.maximum(variance, 0.0)).T,
+            run.error[i, some],
+            measured[i],
         )
-        per_auv.append(
-            [*columns, [inert(name)] * run.time.size, *(rounded(figure) for figure in figures)]
-        )
-    rows = (
-        row
-        for at_once in zip(*(zip(*auv, strict=True) for auv in per_auv), strict=True)
-        for row in at_once
-    )
-    return table_csv([TRACK_COLUMNS, *rows])
+        names = [inert(name)] * len(common[0])
+        rows = zip(*common, names, *(rounded(figure) for figure in figures), strict=True)
+        per_auv.append(rows)
+    for at_once in zip(*per_auv, strict=True):
+        yield from at_once
 
 
-def ranges(run: Run) -> Float[np.ndarray, "auvs samples"]:
+def ranges(kind: str, measured: Float[np.ndarray, "auvs _"]) -> Float[np.ndarray, "auvs _"]:
     """Measured ranges [m]; nan without one."""
-    if run.scenario.ranging_kind == "range":
-        return run.range
-    return np.sqrt(np.where(run.range >= 0, run.range, np.nan))
+    if kind == "range":
+        return measured
+    return np.sqrt(np.where(measured >= 0, measured, np.nan))
 
 
 def rounded(values: Any) -> Any:

@@ -37,6 +37,7 @@ _STYLE: dict[str, Any] = {
     "font.size": 9,
     "axes.titlesize": 10,
     "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # else every title is moved until it hides no tick, which takes long
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,

@@ -95,7 +95,6 @@ def fit_figure(figure: Figure, axes: Axes) -> None:
     """Make a figure as large as what stands about its only axes needs; the axes stay."""
     size = figure.get_size_inches()
     low, high = axes.get_position().get_points() * size
-    figure.draw_without_rendering()
     needed = figure.get_tightbbox()
     origin = np.array(needed.min) - PAD
     size = np.array(needed.max) + PAD - origin

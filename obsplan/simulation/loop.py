@@ -128,14 +128,10 @@ class ClosedLoop:
             planner = planner.for_mission(seed) if isinstance(planner, Draws) else planner
             decisions = self._walk(planner, carry, inputs, log, progress)
         timing = Timing(seconds=perf_counter() - began, decision_seconds=decisions)
-        return record(
-            self.scenario,
-            self.planner,
-            seed,
-            carry._replace(covariance=unpack_array(carry.covariance)),
-            log,
-            timing,
-        )
+        # a long mission's are large, and not recorded
+        carry = carry._replace(reported=None, reported_covariance=None)
+        del inputs
+        return record(self.scenario, self.planner, seed, carry, log, timing)
 
     def _fold(self, carry: Carry, inputs: Inputs, log: Log, progress: Progress) -> None:
         """Advance by whole chunks of steps; the planner is part of the step."""

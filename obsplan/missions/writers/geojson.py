@@ -1,6 +1,7 @@
 """GeoJSON (RFC 7946): tracks as lines with times and speeds, limits as areas."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -33,10 +34,23 @@ def write_geojson(path: Path | str, mission: Mission) -> None:
         Local tracks: a GeoJSON file has degrees.
     """
     check_geographic(mission, "GeoJSON")
-    features = [_track(name, track) for name, track in mission.tracks.items()]
-    features += [_limit(name, kind, area) for name, kind, area in limit_names(mission)]
-    content = {"type": "FeatureCollection", "features": features}
-    write_atomically(path, json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n")
+    write_atomically(path, _collection(mission))
+
+
+def _collection(mission: Mission) -> Iterator[str]:
+    """The file in pieces, a feature each: as a whole it takes much more memory than the mission."""
+    yield '{"type": "FeatureCollection", "features": ['
+    for i, feature in enumerate(_features(mission)):
+        separator = ", " if i else ""
+        yield separator + json.dumps(feature, ensure_ascii=False, allow_nan=False)
+    yield "]}\n"
+
+
+def _features(mission: Mission) -> Iterator[dict[str, Any]]:
+    for name, track in mission.tracks.items():
+        yield _track(name, track)
+    for name, kind, area in limit_names(mission):
+        yield _limit(name, kind, area)
 
 
 def _track(name: str, track: Track) -> dict[str, Any]:
