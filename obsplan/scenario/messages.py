@@ -5,6 +5,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from obsplan.plugins import is_own
+from obsplan.quantities import Quantity, quantity_of
 from obsplan.scenario.choice import Choice
 from obsplan.scenario.places import DEGREES, METRES, Degrees, InDegrees
 from obsplan.scenario.tables import AREA, CORNERS, AreaTable, ScenarioTable
@@ -21,9 +22,13 @@ REASONS = {  # where pydantic's words are Python's and not the file's
     "string_pattern_mismatch": "must begin with a letter or digit and have no other characters",
     "float_type": "must be a number",
     "int_type": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "finite_number": "must be a finite number",
+    "string_too_long": "is too long: shorten it",
 }
 
 OWN = ' (a class of your own is "mypackage.module:Class")'
+NUMBERS = ("float_type", "int_type", "int_from_float", "finite_number")
 LONGEST_VALUE = 80  # letters of a value that is shown
 
 FORMS: dict[int | str, type[BaseModel] | None] = {
@@ -66,6 +71,9 @@ def as_error(source: str, error: ValidationError) -> ObsplanError:
         )
     said = fault["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
     reason = REASONS.get(fault["type"], said)
+    quantity = quantity_of_field(field)
+    if fault["type"] in NUMBERS and quantity is not None:
+        reason = f"{reason} {quantity}: correct it"
     written = as_toml(fault["input"])
     if len(written) > LONGEST_VALUE:
         written = f"{written[:LONGEST_VALUE]}..."
@@ -94,6 +102,14 @@ def locate(loc: tuple[int | str, ...]) -> tuple[type[BaseModel] | None, list[str
         table = tables[0] if len(tables) == 1 else None
         tags = {kind_of(t): t for t in tables} if len(tables) > 1 else {}
     return holder, path or ["the file"], field
+
+
+def quantity_of_field(field: Any) -> Quantity | None:
+    """The range of a key's numbers, if it has one."""
+    if field is None:
+        return None
+    marks = (mark for mark in field.metadata if isinstance(mark, Quantity))
+    return next(marks, None) or quantity_of(field.annotation)
 
 
 def choice_of(field: Any) -> Choice | None:

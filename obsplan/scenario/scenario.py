@@ -22,6 +22,7 @@ from obsplan.plugins import class_of
 from obsplan.scenario.areas import Role, Shape, as_entry, as_fence, common, shapes_of
 from obsplan.scenario.base import tuples
 from obsplan.scenario.choice import options
+from obsplan.scenario.contents import check_contents
 from obsplan.scenario.equipment import Equipment
 from obsplan.scenario.messages import as_error
 from obsplan.scenario.plausible import check_metres_are_metres, known_speeds
@@ -378,6 +379,7 @@ def from_dict(data: dict[str, Any], *, source: str = "scenario", folder: Path = 
         As `load`.
     """
     try:
+        check_contents(data, source)
         contents = tuples(data)
         table = ScenarioTable.model_validate(contents, context={"origin": origin_of(contents)})
     except ValidationError as error:
