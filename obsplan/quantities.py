@@ -28,7 +28,7 @@ class Quantity:
 
     def __contains__(self, value: object) -> bool:
         """Whether a number is in the range; nan never is."""
-        return isinstance(value, int | float) and self.least <= value <= self.greatest
+        return isinstance(value, int | float) and bool(self.least <= value <= self.greatest)
 
     def check(self, value: Any) -> Any:
         """Give back None, or a number in the range.
@@ -130,6 +130,7 @@ LEGS = Quantity(1, 10_000, "", "a survey of more takes weeks")
 CANDIDATES = Quantity(2, 1001, "", "more candidate turns differ by less than a rudder does")
 BRANCHES = Quantity(3, 201, "", "more candidate turns differ by less than a rudder does")
 STAGES = Quantity(1, 200, "", "more are not looked ahead in the time of a decision")
+TURNS = Quantity(2, 100, "", "a program with more is not solved in the time of a decision")
 BEAM_WIDTH = Quantity(1, 10_000, "", "more are not kept in the time of a decision")
 STARTS = Quantity(1, 10_000, "", "more take days")
 ITERATIONS = Quantity(1, 100_000, "", "what has not converged by then does not")

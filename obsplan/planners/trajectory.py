@@ -25,7 +25,7 @@ from obsplan.planning.fallback import straight_on, unusable
 from obsplan.planning.interface import Progress
 from obsplan.planning.limits import SURE, LimitsAhead, margins
 from obsplan.planning.situation import Situation
-from obsplan.quantities import INTERVAL, ITERATIONS, STAGES, TURN_ACCELERATION, VESSEL_SPEED
+from obsplan.quantities import INTERVAL, ITERATIONS, TURN_ACCELERATION, TURNS, VESSEL_SPEED
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
@@ -67,7 +67,7 @@ class Trajectory:
     horizon: Annotated[
         float, "least look-ahead [s]; ``covariance`` looks six pings ahead at least", INTERVAL
     ] = 20.0
-    stages: Annotated[int, "turns over the horizon, at least 2", STAGES] = 12
+    stages: Annotated[int, "turns over the horizon, at least 2", TURNS] = 12
     max_turn_acceleration: Annotated[
         float | None,
         "largest change of the turn rate [rad/s^2], taken at decisions; default: none",
