@@ -94,10 +94,12 @@ def listen() -> Event:
 
 def fault(error: Exception) -> str | None:
     """What the user gave that is wrong, or None if the fault is ours."""
-    from obsplan.types import ObsplanError
+    from obsplan.types import UNCOMPUTABLE, ObsplanError, uncomputable
 
     if isinstance(error, ObsplanError):
         return str(error)
+    if isinstance(error, UNCOMPUTABLE):
+        return f"the mission cannot be finished: {uncomputable(error)}; nothing was written"
     message = getattr(error, "format_message", None)  # of the command line's own parser
     if message is None:
         return None

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO, cast
 
+from obsplan.spelling import visible
+
 if TYPE_CHECKING:
     from rich.console import Console, JustifyMethod
     from rich.table import Column, Table
@@ -47,18 +49,22 @@ def plainer(error: UnicodeError) -> tuple[str, int]:
 
 
 def say(text: str, *, indent: int = 0) -> None:
-    """Print a line: on a terminal wrapped, what follows indented; whole in a pipe."""
+    """Print a line: on a terminal wrapped, what follows indented; whole in a pipe.
+
+    Of names and files nothing reaches the terminal that it would act on.
+    """
+    text = visible(text)
     put((wrapped(text, indent) if sys.stdout.isatty() else text) + "\n")
 
 
 def say_next(*words: str) -> None:
     """Print the command to go on with, quoted for a shell and never wrapped: it can be pasted."""
-    put(f"Next: obsplan {shlex.join(words)}\n")
+    put(f"Next: obsplan {visible(shlex.join(words))}\n")
 
 
 def complain(text: str) -> None:
     """Print a line on standard error."""
-    put(f"obsplan: {text}\n", sys.stderr)
+    put(f"obsplan: {visible(text)}\n", sys.stderr)
 
 
 def wrapped(text: str, indent: int = 0) -> str:

@@ -10,6 +10,7 @@ from obsplan.types import ObsplanError
 
 DEEPEST = 16  # tables and lists within each other; a scenario has six
 LONGEST_TEXT = 1000  # letters
+LONGEST_KEY = 100  # letters of a key that is named
 MOST_DIGITS = 400  # more than of the largest number that a computer holds
 _DIGITS = re.compile(rf"[0-9][0-9_]{{{MOST_DIGITS},}}")
 TOO_DEEP = f"is nested more than {DEEPEST} deep, and a scenario is not: remove the inner brackets"
@@ -60,15 +61,19 @@ def check_contents(data: Any, source: str) -> None:
             f"{source}: must be a table of keys and values, got {type(data).__name__}: give a dict"
         )
     for path, value in _walk(data):
-        key = ".".join(map(visible, path)) or "the file"
+        key = visible(".".join(path))[:LONGEST_KEY] or "the file"
         if len(path) > DEEPEST:
-            raise ObsplanError(f"{source}: {'.'.join(map(visible, path[:3]))} {TOO_DEEP}")
+            raise ObsplanError(f"{source}: {visible('.'.join(path[:3]))[:LONGEST_KEY]} {TOO_DEEP}")
         for text in (*path[-1:], value):
             if isinstance(text, str) and not printable(text):
                 shown = visible(text)[:80]
                 raise ObsplanError(
                     f'{source}: {key} = "{shown}" has a character that cannot be printed: remove it'
                 )
+        if path and len(path[-1]) > LONGEST_KEY:
+            raise ObsplanError(
+                f"{source}: unknown key {path[-1][:40]}... of {len(path[-1])} letters: remove it"
+            )
         if isinstance(value, str) and len(value) > LONGEST_TEXT:
             raise ObsplanError(
                 f'{source}: {key} = "{value[:40]}..." has {len(value)} letters, and texts have at '

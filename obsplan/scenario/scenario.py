@@ -30,7 +30,7 @@ from obsplan.scenario.settings import NESTED, as_given, replaced, with_planner
 from obsplan.scenario.size import check_auvs, check_current, check_planner_size, check_steps
 from obsplan.scenario.tables import AreaTable, MissionSurvey, Origin, ScenarioTable
 from obsplan.surveys import SURVEYS, Formation, Motion, Reference, Waypoints
-from obsplan.types import ObsplanError, Pose
+from obsplan.types import UNCOMPUTABLE, ObsplanError, Pose, uncomputable
 from obsplan.vehicles import Unicycle
 
 
@@ -382,7 +382,10 @@ def from_dict(data: dict[str, Any], *, source: str = "scenario", folder: Path = 
     except ValidationError as error:
         raise as_error(source, error) from None
     scenario = Scenario(table=table, source=source, folder=folder)
-    scenario.check()
+    try:
+        scenario.check()
+    except UNCOMPUTABLE as error:
+        raise ObsplanError(f"{source}: {uncomputable(error)}") from error
     return scenario
 
 
