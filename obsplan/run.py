@@ -174,6 +174,15 @@ class Run:
         J = np.repeat(self._compass_information()[None], len(self.names), axis=0)
         pings = self.scenario.pings
         J[:, pings - 1] += self._range_information(pings)
+        return self._posterior(J)
+
+    @cached_property
+    def unaided(self) -> Float[np.ndarray, "auvs samples n n"]:
+        """What `cramer_rao` would be without a single range: that of dead reckoning."""
+        return self._posterior(np.repeat(self._compass_information()[None], len(self.names), 0))
+
+    def _posterior(self, J: Float[np.ndarray, "auvs steps n n"]) -> np.ndarray:
+        """Posterior Cramér-Rao bound of the information J at each sample after the first."""
         return posterior_cramer_rao(
             self._first_covariance, self._transitions, self._process_covariance[:, None], J
         )
@@ -193,6 +202,8 @@ class Run:
         """Why there is no certified bound; empty where there is one."""
         if not self.bounded:
             return "no bound over all paths was asked for"
+        if not self.scenario.pings.size:
+            return "not one range was measured, and no path is better than another"
         sensor = type(self.scenario.range_sensor)
         if sensor in GAINS:
             return ""
