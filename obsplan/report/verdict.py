@@ -28,6 +28,7 @@ OWN = (Status.OPTIMAL, Status.CLIPPED, Status.INACCURATE, Status.RESTARTED, Stat
 STRONG = 0.25  # of the aid vehicle's speed: a current that is felt
 LOST = 5.0  # [σ] median error in the second half of the mission
 AGREE = 0.2  # of the median error: a distance so much smaller explains it
+ASTRAY = 2.0  # times what an AUV is known to be within: an error that says it is not known at all
 TOLD = 0.98  # of the variance of dead reckoning: what ranges leave if they tell next to nothing
 STRAIGHT = 0.05  # of the mean separation: a track so narrow looks straight
 FARTHEST = 2500.0  # [m], reach of the acoustic modems in use
@@ -149,7 +150,7 @@ def sentence(run: Run, i: int, figures: dict[str, Any]) -> str:
     if is_lost(run, i):
         lost = f"position lost, {metres(figures['rms_error_m'])} RMS off ({worst})"
         return f"{run.names[i]}: {lost}; {explain_loss(run, i)}."
-    if np.sqrt(np.mean(run.error[i] ** 2)) > whereabouts(run, i):
+    if np.sqrt(np.mean(run.error[i] ** 2)) > ASTRAY * whereabouts(run, i):
         return _astray(run, i, worst)
     untold = _untold(run, i)
     clauses = [
@@ -192,12 +193,12 @@ def _astray(run: Run, i: int, worst: str) -> str:
     if late < whereabouts(run, i):
         return (
             f"{run.names[i]}: position found late, to {metres(late)} in the second half; {rms} "
-            f"RMS off in all ({worst}), more than the {size} of its whereabouts: look at "
+            f"RMS off in all ({worst}), beyond the {size} it moves in: look at "
             "first_estimate."
         )
     return (
-        f"{run.names[i]}: position not known, {rms} RMS off ({worst}), more than the {size} of its "
-        "whereabouts: look at first_estimate, process_noise and ranging."
+        f"{run.names[i]}: position not known, {rms} RMS off ({worst}), beyond the {size} it moves "
+        "in: look at first_estimate, process_noise and ranging."
     )
 
 
