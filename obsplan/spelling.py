@@ -3,7 +3,9 @@
 import difflib
 import unicodedata
 from collections.abc import Iterable
+from typing import Any
 
+FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # begin a cell that a spreadsheet executes
 LONGEST_GUESS = 100  # letters of a word that a near one is looked for
 
 
@@ -29,3 +31,8 @@ def visible(text: str) -> str:
 
 def _shows(letter: str) -> bool:
     return letter.isprintable() or unicodedata.category(letter) == "Zs"
+
+
+def inert(cell: Any) -> Any:
+    """A cell of a table that no spreadsheet takes for a formula (OWASP, CSV injection)."""
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else cell

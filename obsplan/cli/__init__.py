@@ -103,4 +103,5 @@ def fault(error: Exception) -> str | None:
     message = getattr(error, "format_message", None)  # of the command line's own parser
     if message is None:
         return None
-    return f"{message().rstrip('.') or 'no command was given'}; see obsplan --help"
+    said = message().rstrip(".").replace("Input should be", "must be") or "no command was given"
+    return f"{said}; see obsplan --help"

@@ -13,6 +13,7 @@ from obsplan.cli.arguments import (
     Out,
     PlannerName,
     Planners,
+    Runs,
     ScenarioName,
     Seed,
     Settings,
@@ -21,6 +22,7 @@ from obsplan.cli.arguments import (
 from obsplan.cli.campaigns import compare_suite
 from obsplan.cli.progress import Advance, progress
 from obsplan.cli.terminal import keeping, put, say, say_next, say_written, show
+from obsplan.quantities import RUNS, SEED
 
 if TYPE_CHECKING:
     from obsplan.scenario import Scenario
@@ -72,9 +74,7 @@ def run(
 def compare(
     scenario: ScenarioName,
     planners: Planners = None,
-    runs: Annotated[
-        int, typer.Option("--runs", min=1, help="Seeds per planner; the same for each of them.")
-    ] = 1,
+    runs: Runs = 1,
     seed: Seed = None,
     settings: Settings = None,
     out: Out = None,
@@ -152,10 +152,13 @@ def thesis(
         typer.Option(
             "--runs",
             min=2,
+            max=RUNS.greatest,
             help="Seeds of tables; studies take a fifth, figures at most fifty starts.",
         ),
     ] = 100,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="The first of them.")] = 1,
+    seed: Annotated[
+        int, typer.Option("--seed", min=SEED.least, max=SEED.greatest, help="The first of them.")
+    ] = 1,
     out: Annotated[
         Path | None,
         typer.Option(

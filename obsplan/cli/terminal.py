@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 WRONG_INPUT, SOME_FAILED, INTERRUPTED = 2, 3, 130  # exit codes
 
+LONGEST = 1000  # letters of a complaint
 ENDLESS = 10_000  # [letters], wider than any table
 EDGE, GAP = 1, 3  # letters that a table's frame takes: once, and with each column
 LABEL_SHARE = 3  # one of so many parts of the width is a label's before its words are wrapped
@@ -63,8 +64,11 @@ def say_next(*words: str) -> None:
 
 
 def complain(text: str) -> None:
-    """Print a line on standard error."""
-    put(f"obsplan: {visible(text)}\n", sys.stderr)
+    """Print a line on standard error; of a long one beginning and end."""
+    said = visible(text)
+    if len(said) > LONGEST:
+        said = f"{said[: LONGEST // 2]} ... {said[-LONGEST // 2 :]}"
+    put(f"obsplan: {said}\n", sys.stderr)
 
 
 def wrapped(text: str, indent: int = 0) -> str:

@@ -17,13 +17,13 @@ import tomlkit
 from jaxtyping import Float
 
 from obsplan.files import write_atomically
-from obsplan.missions.writers.table import inert
 from obsplan.planners import name_of
 from obsplan.recording import write_netcdf
 from obsplan.report.comparison import Rows, compare_figure
 from obsplan.report.export import Export, make_export
 from obsplan.report.path_files import write_paths
 from obsplan.run import Run
+from obsplan.spelling import inert
 from obsplan.types import ObsplanError
 
 DECIMALS = 6  # in tables: micrometres, microradians
