@@ -100,6 +100,8 @@ def fault(error: Exception) -> str | None:
         return str(error)
     if isinstance(error, UNCOMPUTABLE):
         return f"the mission cannot be finished: {uncomputable(error)}; nothing was written"
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{error.filename} cannot be used ({error.strerror}): give another name or folder"
     message = getattr(error, "format_message", None)  # of the command line's own parser
     if message is None:
         return None

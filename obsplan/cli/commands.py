@@ -25,6 +25,7 @@ from obsplan.cli.terminal import keeping, put, say, say_next, say_written, show
 from obsplan.quantities import RUNS, SEED
 
 if TYPE_CHECKING:
+    from obsplan.run import Run
     from obsplan.scenario import Scenario
 
 
@@ -59,7 +60,7 @@ def run(
     flown = replace(flown, bounded=not no_bound)
     if not flown.unbounded:
         with progress(f"{name}, certified bound") as advance:
-            flown.certify(advance)
+            flown = certified(flown, advance)
     with progress(f"{name}, path as loaded") as advance:
         export = make_export(flown, progress=advance)
     folder = write_free(out, name, lambda folder: write_run(flown, folder, export))
@@ -129,10 +130,22 @@ def compared(
         half = partial(tell_half, advance, before, total)
         flown = replace(simulate(scenario, seed=number, progress=half), bounded=bounded)
         if not flown.unbounded:
-            flown.certify(partial(tell_half, advance, before + 0.5, total))
+            flown = certified(flown, partial(tell_half, advance, before + 0.5, total))
         rows[name].append({"planner": name, "seed": number, **flown.summary()["all"]})
         advance(before + 1, total)
     return [row for of_planner in rows.values() for row in of_planner]
+
+
+def certified(flown: "Run", advance: Advance) -> "Run":
+    """The run with its certified bound; without one, and why, where numbers make it impossible."""
+    from obsplan.types import UNCOMPUTABLE, uncomputable
+
+    try:
+        flown.certify(advance)
+    except UNCOMPUTABLE as error:
+        say(f"The bound over all paths is left out: {uncomputable(error)}.")
+        return replace(flown, bounded=False)
+    return flown
 
 
 def tell_half(advance: Advance, before: float, total: int, done: float, steps: int) -> None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 WRONG_INPUT, SOME_FAILED, INTERRUPTED = 2, 3, 130  # exit codes
 
-LONGEST = 1000  # letters of a complaint
+LONGEST = 800  # letters of a complaint
 ENDLESS = 10_000  # [letters], wider than any table
 EDGE, GAP = 1, 3  # letters that a table's frame takes: once, and with each column
 LABEL_SHARE = 3  # one of so many parts of the width is a label's before its words are wrapped

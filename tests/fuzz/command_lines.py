@@ -8,7 +8,16 @@ from fuzz.scenarios import NUMBERS, PLANNERS, POND, TEXTS, as_toml, nested, plac
 COMMANDS = {  # and their options
     "run": ("--seed", "--planner", "--set", "--set", "--set", "--out", "--no-bound"),
     "compare": ("--seed", "--runs", "--planners", "--set", "--set", "--out", "--no-bound"),
-    "campaign": ("--seed", "--runs", "--planners", "--vary", "--vary", "--out", "--out", "--workers"),
+    "campaign": (
+        "--seed",
+        "--runs",
+        "--planners",
+        "--vary",
+        "--vary",
+        "--out",
+        "--out",
+        "--workers",
+    ),
     "campaign-report": (),
     "thesis": ("--runs", "--seed", "--out"),
     "new": ("--out",),
@@ -16,8 +25,32 @@ COMMANDS = {  # and their options
     "rum": ("--out",),
 }
 ANY = ("--x", "--version", "--help", "-o", "--", "--set", "--runs")
-FILES = ("s.toml", "./s.toml", "pond.csv", "none.toml", "none.csv", ".", "/", "/dev/null", "/dev/full/x.toml", "harbor-survey", "suite", "")
-KEYS = ("cna.speed", "auv.0.speed", "auv.99.speed", "auv.0.survey.legs", "planner.kind", "planner.gamma", "seed", "ranging.interval", "a", "")
+FILES = (
+    "s.toml",
+    "./s.toml",
+    "pond.csv",
+    "none.toml",
+    "none.csv",
+    ".",
+    "/",
+    "/dev/null",
+    "/dev/full/x.toml",
+    "harbor-survey",
+    "suite",
+    "",
+)
+KEYS = (
+    "cna.speed",
+    "auv.0.speed",
+    "auv.99.speed",
+    "auv.0.survey.legs",
+    "planner.kind",
+    "planner.gamma",
+    "seed",
+    "ranging.interval",
+    "a",
+    "",
+)
 
 
 def command_lines(seed: int, count: int) -> Iterator[list[str]]:
@@ -29,7 +62,12 @@ def command_lines(seed: int, count: int) -> Iterator[list[str]]:
         for _ in range(rng.choice((0, 1, 1, 2, 3))):
             option = rng.choice(COMMANDS[command] * 3 + ANY)
             words += [option, argument(option, rng)][: rng.choice((1, 2, 2, 2, 2, 2))]
-        yield [word.replace("\0", "?").encode("utf-8", "surrogatepass").decode("utf-8", "surrogateescape") for word in words]
+        yield [
+            word.replace("\0", "?")
+            .encode("utf-8", "surrogatepass")
+            .decode("utf-8", "surrogateescape")
+            for word in words
+        ]
 
 
 def argument(option: str, rng: random.Random) -> str:
@@ -60,6 +98,10 @@ def paths() -> list[list[str]]:
     """Keys of the sound scenario, as the command line has them."""
     found = [["cna", "speed"]]
     for holder, key in places(POND):
-        found += [[name, str(key)] for name in ("cna", "ranging", "planner", "environment") if holder is POND[name]]
+        found += [
+            [name, str(key)]
+            for name in ("cna", "ranging", "planner", "environment")
+            if holder is POND[name]
+        ]
         found += [["auv", "0", str(key)] for auv in POND["auv"] if holder is auv]
     return found
