@@ -172,8 +172,20 @@ class Run:
         It begins with their first covariance and counts the process noise that the filter assumes.
         A filter that has to find out more than these states cannot reach it.
         """
-        pings, of_compass = self.scenario.pings, self._compass_information()
-        of_ranges = self._range_information(pings)
+        pings = self.scenario.pings
+        return self._posterior(pings, self._range_information(pings))
+
+    @cached_property
+    def unaided(self) -> Float[np.ndarray, "auvs samples n n"]:
+        """What `cramer_rao` would be without a single range: that of dead reckoning."""
+        nothing = np.zeros((len(self.names), 0, *self.truth.shape[-1:] * 2))
+        return self._posterior(np.array([], dtype=int), nothing)
+
+    def _posterior(
+        self, pings: Integer[np.ndarray, " pings"], of_ranges: Float[np.ndarray, "auvs pings n n"]
+    ) -> np.ndarray:
+        """Posterior Cramér-Rao bound, compass and the information of ranges at pings counted."""
+        of_compass = self._compass_information()
         bound = np.empty((*self.truth.shape, self.truth.shape[-1]))
         for i, (P0, Q) in enumerate(zip(*self._covariances, strict=True)):
             J = of_compass.copy()
@@ -196,6 +208,8 @@ class Run:
         """Why there is no certified bound; empty where there is one."""
         if not self.bounded:
             return "no bound over all paths was asked for"
+        if not self.scenario.pings.size:
+            return "not one range was measured, and no path is better than another"
         sensor = type(self.scenario.range_sensor)
         if sensor in GAINS:
             return ""

@@ -1,8 +1,10 @@
 """What passes between simulator and planner: Pose, Belief, Decision; and the error users see."""
 
 import reprlib
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import InitVar, dataclass, field
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
@@ -15,8 +17,22 @@ Points = Sequence[Point] | np.ndarray  # n x 2; kept as tuples
 ROUNDING = 1e-8  # of a covariance, relative: the square root of what a double resolves
 
 
+# what numbers raise that no computer can go on with, whoever computes
+UNCOMPUTABLE = (ArithmeticError, MemoryError, RecursionError, np.linalg.LinAlgError)
+
+
 class ObsplanError(Exception):
     """What the user gave cannot be used; one sentence with the place, the value and the remedy."""
+
+
+def uncomputable(error: BaseException) -> str:
+    """Say in words what `UNCOMPUTABLE` numbers have raised, where, and what to do."""
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    what = " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")
+    return (
+        f"its numbers cannot be computed with ({what}, in {Path(where.filename).name}, line "
+        f"{where.lineno}): look for one that is far too large, or too small"
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -154,8 +154,14 @@ def test_a_resolved_scenario_holds_metres_and_is_the_same_again():
             {"survey": {"kind": "waypoints", "points": [[0.0, 0.0], {"lat": 0.0, "lon": 0.0}]}},
             "latitude 0.0, longitude 0.0 lies 7088 km from the origin",  # 63.9 degrees of arc
         ),
-        ({"start": {"x": 2e5}}, "cna.start (pose at time 0): (200000.0, 0.0) m is off the map"),
-        ({"start": {"x": 1e308, "y": -1e308}}, "(1e+308, -1e+308) m is off the map"),
+        (
+            {"start": {"x": 2e5}},
+            "cna.start.x = 200000.0 (east [m]): must be from -100000 to 100000 m (the map ends",
+        ),
+        (
+            {"start": {"x": 1e308, "y": -1e308}},
+            "cna.start.x = 1e+308 (east [m]): must be from -100000 to 100000 m (the map ends",
+        ),
         ({"constraints": {"geofence": 3}}, "constraints.geofence = 3"),
         ({"origin": {"lat": 99.0, "lon": 0.0}, "start": {"lat": 1.0, "lon": 1.0}}, "origin.lat"),
     ],

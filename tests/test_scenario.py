@@ -29,11 +29,11 @@ BAD_SETTINGS = {
     "auv.0.survey={}": "auv.0.survey.kind is missing; give one of lawnmower, waypoints",
     "cna.speed=true": r"cna.speed = true \(cruising speed \[m/s\]\): must be a number",
     "cna.speed=fast": 'cna.speed = "fast" .* must be a number',
-    "cna.speed=-1": r"cna.speed = -1 \(cruising speed \[m/s\]\): must be greater than 0",
+    "cna.speed=-1": r"cna.speed = -1 \(cruising speed \[m/s\]\): must be from 0.001 to 50 m/s",
     "cna.min_turn_radius=nan": "cna.min_turn_radius = nan .* must be a finite number",
     "cna.min_turn_radius=inf": "must be a finite number",
     "seed=1.5": "seed = 1.5 .* must be a whole number",
-    "seed=-1": "seed = -1 .* must be greater than or equal to 0",
+    "seed=-1": "seed = -1 .* must be from 0 to 9007199254740991",
     "auv=[]": r"auv = \[\] .* has too few entries",
     "cna=3": "cna = 3: must be a table",
     "auv.7.speed=1": "7 is not one of the 2 entries, which count from 0",
@@ -46,12 +46,12 @@ BAD_SETTINGS = {
     "auv.0.survey.track=nope": 'harbor.plan has no track "nope"; it has harbor',
     "ranging.interval=0.7": "ranging.interval: 0.7 s is not a whole multiple of time_step = 0.5 s",
     "planner.interval=0.2": "planner.interval: 0.2 s is not a whole multiple",
-    'planner={kind="path-inertia",gamma=-1.0}': "planner: gamma must be zero or positive and finite, got -1",
-    "planner.horizon=-1": "planner: horizon must be positive and finite",
+    'planner={kind="path-inertia",gamma=-1.0}': r"planner.gamma = -1.0 .* must be from 0 to 1000000 \(",
+    "planner.horizon=-1": "planner.horizon = -1 .* must be from 0.001 to 86400 s",
     "environment.current=[3.0,0.0]": "current .* is too strong",
     "origin.lat=95": r"origin.lat = 95 \(latitude \[deg\], WGS84\): must be less than or equal to 90",
     'name="a/b"': r'name = "a/b" \(letters, digits, dots and hyphens\)',
-    "time_step=1e-9": "time_step: 1e-09 s makes .* steps",
+    "time_step=1e-9": "time_step = 1e-09 .* must be from 0.001 to 60 s",
     "cna.speed": "has no value; write table.key=value",
     "=3": "has no value; write table.key=value",
 }
@@ -187,7 +187,7 @@ def test_schema_lists_every_key_with_its_meaning():
     assert rows['auv[].survey, kind = "lawnmower".side'][0] == '"left" | "right"'
     assert all(text for _, _, text in rows.values())
     assert "harbor" not in str(json_schema())
-    assert json_schema()["properties"]["time_step"]["exclusiveMinimum"] == 0
+    assert json_schema()["properties"]["time_step"]["minimum"] == 1e-3
 
 
 @pytest.mark.parametrize(("time_step", "steps"), [(0.1, 10), (0.3, 3), (0.5, 2), (2.0, 1)])

@@ -216,7 +216,7 @@ def test_keep_out_around_its_own_position_is_left_and_the_status_says_that_limit
 def test_deadline_leaves_the_best_manoeuvre_and_a_generous_one_changes_nothing():
     pose, legs = world(np.random.default_rng(3))
     hasty, patient, calm = (
-        planner(deadline=d).plan(pose, beliefs(legs)) for d in (1e-9, 1e3, None)
+        planner(deadline=d).plan(pose, beliefs(legs)) for d in (1e-3, 1e3, None)
     )
     assert hasty.status == Status.BEST_MANOEUVRE
     assert patient.turn_rate == calm.turn_rate
@@ -228,16 +228,16 @@ def test_deadline_leaves_the_best_manoeuvre_and_a_generous_one_changes_nothing()
     [
         ("ping_interval", 0.0, r"ping_interval must be positive and finite \[s\], got 0.0"),
         ("sigma", NAN, r"sigma must be positive and finite \[m\], got nan"),
-        ("horizon", -1.0, r"horizon must be positive and finite \[s\], got -1.0"),
+        ("horizon", -1.0, r"horizon must be from 0.001 to 86400 s \(.*\), got -1.0"),
         ("decision_interval", 0.0, r"decision_interval must be positive and finite \[s\], got 0.0"),
-        ("stages", 1, "stages must be at least 2, got 1"),
-        ("max_iterations", 0, "max_iterations must be at least 1, got 0"),
+        ("stages", 1, r"stages must be from 2 to 100 \(.*\), got 1"),
+        ("max_iterations", 0, r"max_iterations must be from 1 to 100000 \(.*\), got 0"),
         (
             "max_turn_acceleration",
             0.0,
-            r"max_turn_acceleration must be positive and finite \[rad/s\^2\], got 0.0",
+            r"max_turn_acceleration must be from 1e-06 to 100 rad/s\^2 \(.*\), got 0.0",
         ),
-        ("deadline", -1.0, r"deadline must be positive and finite \[s\], got -1.0"),
+        ("deadline", -1.0, r"deadline must be from 0.001 to 86400 s \(.*\), got -1.0"),
         (
             "speed_range",
             (2.0, 1.0),

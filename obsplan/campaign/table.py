@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from obsplan.campaign.store import BLOCK, CSV, FIGURES, FILE, PARQUET, Store, no_store
+from obsplan.spelling import inert
 from obsplan.types import ObsplanError
 
 if TYPE_CHECKING:
@@ -77,7 +78,8 @@ def export(store: Store, folder: Path) -> None:
             lines.writerow(table.names)
             for batch in table.batches(store):
                 parquet.write_batch(batch)
-                lines.writerows(zip(*(column.to_pylist() for column in batch.columns), strict=True))
+                cells = (map(inert, column.to_pylist()) for column in batch.columns)
+                lines.writerows(zip(*cells, strict=True))
 
 
 @contextmanager

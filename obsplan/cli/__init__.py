@@ -94,11 +94,16 @@ def listen() -> Event:
 
 def fault(error: Exception) -> str | None:
     """What the user gave that is wrong, or None if the fault is ours."""
-    from obsplan.types import ObsplanError
+    from obsplan.types import UNCOMPUTABLE, ObsplanError, uncomputable
 
     if isinstance(error, ObsplanError):
         return str(error)
+    if isinstance(error, UNCOMPUTABLE):
+        return f"the mission cannot be finished: {uncomputable(error)}; nothing was written"
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{error.filename} cannot be used ({error.strerror}): give another name or folder"
     message = getattr(error, "format_message", None)  # of the command line's own parser
     if message is None:
         return None
-    return f"{message().rstrip('.') or 'no command was given'}; see obsplan --help"
+    said = message().rstrip(".").replace("Input should be", "must be") or "no command was given"
+    return f"{said}; see obsplan --help"

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from obsplan.quantities import RUNS, SEED
+
 
 def scenario_names(incomplete: str) -> list[str]:
     """Shipped scenarios that begin so, for the shell to complete."""
@@ -44,7 +46,21 @@ Planners = Annotated[
 ]
 Seed = Annotated[
     int | None,
-    typer.Option("--seed", min=0, help="Of all random numbers; default: the scenario's."),
+    typer.Option(
+        "--seed",
+        min=SEED.least,
+        max=SEED.greatest,
+        help="Of all random numbers; default: the scenario's.",
+    ),
+]
+Runs = Annotated[
+    int,
+    typer.Option(
+        "--runs",
+        min=RUNS.least,
+        max=RUNS.greatest,
+        help="Seeds per planner; the same for each of them.",
+    ),
 ]
 Settings = Annotated[
     list[str] | None,

@@ -9,6 +9,7 @@ import typer
 from obsplan.cli.arguments import named, planner_names, scenario_names
 from obsplan.cli.progress import progress
 from obsplan.cli.terminal import SOME_FAILED, complain, keeping, say, say_next, say_written, show
+from obsplan.quantities import RUNS, SEED
 
 if TYPE_CHECKING:
     from obsplan.campaign.plan import Cell
@@ -39,19 +40,25 @@ def campaign(
     runs: Annotated[
         int,
         typer.Option(
-            "--runs", min=1, help="Seeds per combination; the same for each planner and setting."
+            "--runs",
+            min=1,
+            max=RUNS.greatest,
+            help="Seeds per combination; the same for each planner and setting.",
         ),
     ] = 1,
     seed: Annotated[
         int | None,
-        typer.Option("--seed", min=0, help="The first of them; default: the scenario's."),
+        typer.Option(
+            "--seed", min=0, max=SEED.greatest, help="The first of them; default: the scenario's."
+        ),
     ] = None,
     vary: Annotated[
         list[str] | None,
         typer.Option("--vary", metavar="KEY=A,B,...", help="Values of one key; may be repeated."),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="Local processes; default: one per core.")
+        int | None,
+        typer.Option("--workers", min=1, max=1024, help="Local processes; default: one per core."),
     ] = None,
     scheduler: Annotated[
         str | None,

@@ -13,6 +13,7 @@ from obsplan.cli.arguments import (
     Out,
     PlannerName,
     Planners,
+    Runs,
     ScenarioName,
     Seed,
     Settings,
@@ -21,8 +22,10 @@ from obsplan.cli.arguments import (
 from obsplan.cli.campaigns import compare_suite
 from obsplan.cli.progress import Advance, progress
 from obsplan.cli.terminal import keeping, put, say, say_next, say_written, show
+from obsplan.quantities import RUNS, SEED
 
 if TYPE_CHECKING:
+    from obsplan.run import Run
     from obsplan.scenario import Scenario
 
 
@@ -57,7 +60,7 @@ def run(
     flown = replace(flown, bounded=not no_bound)
     if not flown.unbounded:
         with progress(f"{name}, certified bound") as advance:
-            flown.certify(advance)
+            flown = certified(flown, advance)
     with progress(f"{name}, path as loaded") as advance:
         export = make_export(flown, progress=advance)
     folder = write_free(out, name, lambda folder: write_run(flown, folder, export))
@@ -72,9 +75,7 @@ def run(
 def compare(
     scenario: ScenarioName,
     planners: Planners = None,
-    runs: Annotated[
-        int, typer.Option("--runs", min=1, help="Seeds per planner; the same for each of them.")
-    ] = 1,
+    runs: Runs = 1,
     seed: Seed = None,
     settings: Settings = None,
     out: Out = None,
@@ -129,10 +130,22 @@ def compared(
         half = partial(tell_half, advance, before, total)
         flown = replace(simulate(scenario, seed=number, progress=half), bounded=bounded)
         if not flown.unbounded:
-            flown.certify(partial(tell_half, advance, before + 0.5, total))
+            flown = certified(flown, partial(tell_half, advance, before + 0.5, total))
         rows[name].append({"planner": name, "seed": number, **flown.summary()["all"]})
         advance(before + 1, total)
     return [row for of_planner in rows.values() for row in of_planner]
+
+
+def certified(flown: "Run", advance: Advance) -> "Run":
+    """The run with its certified bound; without one, and why, where numbers make it impossible."""
+    from obsplan.types import UNCOMPUTABLE, uncomputable
+
+    try:
+        flown.certify(advance)
+    except UNCOMPUTABLE as error:
+        say(f"The bound over all paths is left out: {uncomputable(error)}.")
+        return replace(flown, bounded=False)
+    return flown
 
 
 def tell_half(advance: Advance, before: float, total: int, done: float, steps: int) -> None:
@@ -152,10 +165,13 @@ def thesis(
         typer.Option(
             "--runs",
             min=2,
+            max=RUNS.greatest,
             help="Seeds of tables; studies take a fifth, figures at most fifty starts.",
         ),
     ] = 100,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="The first of them.")] = 1,
+    seed: Annotated[
+        int, typer.Option("--seed", min=SEED.least, max=SEED.greatest, help="The first of them.")
+    ] = 1,
     out: Annotated[
         Path | None,
         typer.Option(

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO, cast
 
+from obsplan.spelling import visible
+
 if TYPE_CHECKING:
     from rich.console import Console, JustifyMethod
     from rich.table import Column, Table
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 
 WRONG_INPUT, SOME_FAILED, INTERRUPTED = 2, 3, 130  # exit codes
 
+LONGEST = 800  # letters of a complaint
 ENDLESS = 10_000  # [letters], wider than any table
 EDGE, GAP = 1, 3  # letters that a table's frame takes: once, and with each column
 LABEL_SHARE = 3  # one of so many parts of the width is a label's before its words are wrapped
@@ -47,18 +50,25 @@ def plainer(error: UnicodeError) -> tuple[str, int]:
 
 
 def say(text: str, *, indent: int = 0) -> None:
-    """Print a line: on a terminal wrapped, what follows indented; whole in a pipe."""
+    """Print a line: on a terminal wrapped, what follows indented; whole in a pipe.
+
+    Of names and files nothing reaches the terminal that it would act on.
+    """
+    text = visible(text)
     put((wrapped(text, indent) if sys.stdout.isatty() else text) + "\n")
 
 
 def say_next(*words: str) -> None:
     """Print the command to go on with, quoted for a shell and never wrapped: it can be pasted."""
-    put(f"Next: obsplan {shlex.join(words)}\n")
+    put(f"Next: obsplan {visible(shlex.join(words))}\n")
 
 
 def complain(text: str) -> None:
-    """Print a line on standard error."""
-    put(f"obsplan: {text}\n", sys.stderr)
+    """Print a line on standard error; of a long one beginning and end."""
+    said = visible(text)
+    if len(said) > LONGEST:
+        said = f"{said[: LONGEST // 2]} ... {said[-LONGEST // 2 :]}"
+    put(f"obsplan: {said}\n", sys.stderr)
 
 
 def wrapped(text: str, indent: int = 0) -> str:

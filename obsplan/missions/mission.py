@@ -12,9 +12,12 @@ import numpy as np
 from jaxtyping import Float
 
 from obsplan import geo
+from obsplan.quantities import POSITION
 from obsplan.types import ObsplanError
 
-FARTHEST = 100e3  # [m]; beyond it the origin is a mistake, and a tangent plane no longer a map
+FARTHEST = (
+    POSITION.greatest
+)  # [m]; beyond it the origin is a mistake, and a tangent plane no longer a map
 REPEATED = 1e-3  # [m]; nearer than this, two points are one place
 _LONGEST = 40  # letters of a name in a sentence
 # the last two are refused as not finite

@@ -81,6 +81,7 @@ def _blocks(text: str, found: Findings) -> Iterator[_Block]:
             key, _, value = line.partition("=")
             block.lines.append((number, key.strip().lower(), value.strip()))
     if block is not outside:
+        found.remarks.append("the file ends within a block { ... }: it may be cut short")
         yield block
     _tell_origin(outside, found)
     yield outside

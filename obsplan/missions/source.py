@@ -3,6 +3,7 @@
 import codecs
 import difflib
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ def read_bytes(path: Path) -> bytes:
     ObsplanError
         No such file (the nearest name is suggested), a folder, not readable, too large, or empty.
     """
-    if path.is_dir():
+    if os.path.isdir(path):
         raise ObsplanError(f"{path} is a folder: give a mission file inside it")
     try:
         with path.open("rb") as file:
@@ -96,7 +97,7 @@ def _nonblank(path: Path, text: str) -> str:
 
 def _suggest(path: Path) -> str:
     """Nearest name in the same folder, else what to check."""
-    names = [other.name for other in path.parent.iterdir()] if path.parent.is_dir() else []
+    names = [other.name for other in path.parent.iterdir()] if os.path.isdir(path.parent) else []
     near = difflib.get_close_matches(path.name.lower(), [name.lower() for name in names], n=1)
     if near:
         return f'did you mean "{next(name for name in names if name.lower() == near[0])}"?'

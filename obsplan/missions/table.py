@@ -15,8 +15,10 @@ from obsplan.missions.tables.columns import find_columns
 from obsplan.missions.tables.guess import guess_columns, looks_like_degrees
 from obsplan.missions.tables.rows import read_rows
 from obsplan.missions.tables.wkt import are_degrees, is_wkt, parse_wkt, point_of, read_geometry
+from obsplan.missions.timing import lengths
 from obsplan.types import ObsplanError
 
+_ODD, _LONG = 5.0, 1000.0  # times the longest of the others, and [m]: a leg that is odd
 _VALUES = ("speed", "hold", "time")  # roles, and arguments of `Findings.line`
 
 
@@ -55,10 +57,11 @@ def read_csv(path: Path | str) -> Mission:
     where = f"{path}: line {rows.heading_line}"
     columns = find_columns(rows.heading, where) if rows.heading else guess_columns(rows, found)
     table = Table(path=path, heading=rows.heading, rows=rows.rows, columns=columns)
+    ended = text.endswith(("\n", "\r"))
     if "wkt" in columns and any(is_wkt(table.cell(row, "wkt")) for row in table.rows):
         _read_geometries(table, found)
     elif any(set(pair) <= set(columns) for pair in PAIRS):
-        _read_points(table, found)
+        _read_points(table, found, ended=ended)
     else:
         heading = columns["wkt"].heading
         raise ObsplanError(f"{where} has a column {heading!r} without WKT: export it as WKT")
@@ -80,8 +83,8 @@ def _tell_unused(table: Table, found: Findings) -> None:
             found.passed_over("column", "passed over", heading)
 
 
-def _read_points(table: Table, found: Findings) -> None:
-    """Add the tracks of a table of points."""
+def _read_points(table: Table, found: Findings, *, ended: bool) -> None:
+    """Add the tracks of a table of points, whose last line has an end or not."""
     pair = table.pair
     found.geographic = pair == PAIRS[0]
     grouping = _grouping(table, table.rows)
@@ -96,7 +99,32 @@ def _read_points(table: Table, found: Findings) -> None:
         points.append((*table.point(row), math.nan))
     if not found.geographic and points:
         _check_metres(table, np.array(points)[:, :2])
+    if not ended and len(rows) > 1:
+        _doubt_the_end(table, rows, np.array(points)[:, :2], found)
     _add_tracks(table, rows, points, grouping, found)
+
+
+def _doubt_the_end(table: Table, rows: Sequence[Row], points: np.ndarray, found: Findings) -> None:
+    """Refuse, or remark on, a last line without an end that may be cut within its last number.
+
+    It may be if the number is shorter than all above it; it is if that makes a leg that no other
+    leg is like.
+    """
+    number, cells = rows[-1]
+    role = next((r for r in table.pair if table.columns[r].index == len(cells) - 1), None)
+    if role is None:
+        return
+    texts = [table.cell(row, role) for row in rows]
+    if len(texts[-1]) >= min(map(len, texts[:-1])):
+        return
+    legs = lengths(points, geographic=found.geographic)
+    said = f"line {number}, the last, has no end, and its {texts[-1]} may be cut short"
+    if legs[-1] > max(_ODD * np.max(legs[:-1], initial=0.0), _LONG):
+        raise ObsplanError(
+            f"{table.path}: {said}, for it makes a leg of {legs[-1] / 1e3:.3g} km, unlike the "
+            "others: complete the line, or end it with a line break"
+        )
+    found.remarks.append(said)
 
 
 def _check_metres(table: Table, points: np.ndarray) -> None:

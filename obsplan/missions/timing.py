@@ -5,6 +5,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
 from obsplan import geo
 from obsplan.missions.mission import REPEATED, Draft
@@ -39,7 +40,7 @@ def follow_times(draft: Draft, *, geographic: bool) -> tuple[Draft, str]:
     time = np.array(draft.time, dtype=float)
     if np.isnan(time).any():
         return replace(draft, time=None), "with a time at only some vertices: times passed over"
-    length = _lengths(draft, geographic)
+    length = lengths(np.array(draft.points, dtype=float), geographic=geographic)
     moved = length > REPEATED
     hold = np.zeros(len(time)) if draft.hold is None else np.array(draft.hold, dtype=float)
     passed = np.diff(time) - hold[:-1]
@@ -61,9 +62,8 @@ def follow_times(draft: Draft, *, geographic: bool) -> tuple[Draft, str]:
     return timed, "with legs along which the times do not run on: no speed there" if stands else ""
 
 
-def _lengths(draft: Draft, geographic: bool) -> np.ndarray:
-    """Distances [m] between the vertices of a draft."""
-    points = np.array(draft.points, dtype=float)
+def lengths(points: Float[np.ndarray, "n 2"], *, geographic: bool) -> Float[np.ndarray, " legs"]:
+    """Distances [m] between successive points, on the ellipsoid or in the plane."""
     if geographic:
         return geo.distance(points[:-1], points[1:])
     return np.hypot(*np.diff(points, axis=0).T)

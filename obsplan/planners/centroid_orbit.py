@@ -12,6 +12,7 @@ from obsplan.planning.checks import check_situation
 from obsplan.planning.expressions import Command, Targets, decide
 from obsplan.planning.situation import Situation
 from obsplan.planning.steering import look_ahead, turn_toward
+from obsplan.quantities import LENGTH
 from obsplan.types import Belief, Decision, Pose
 
 STEEPEST = 0.99  # sine of the largest crab angle: beyond it the vehicle cannot keep up anyway
@@ -33,6 +34,7 @@ class CentroidOrbit:
     orbit_radius: Annotated[
         float | None,
         "radius [m]; default: the farthest AUV's distance plus the smallest turning diameter",
+        LENGTH,
     ] = None
 
     def __post_init__(self) -> None:

@@ -14,6 +14,7 @@ from obsplan.planning.checks import check_situation
 from obsplan.planning.expressions import Command, Targets, evaluate
 from obsplan.planning.situation import Situation
 from obsplan.planning.steering import look_ahead, turn_toward
+from obsplan.quantities import LENGTH
 from obsplan.types import Belief, Decision, Point, Pose, as_point
 
 
@@ -33,7 +34,7 @@ class Circle:
         Point | None, "centre, east and north [m]; default: of the circle just enclosing the survey"
     ] = None
     radius: Annotated[
-        float | None, "radius [m]; default: of the circle just enclosing the survey"
+        float | None, "radius [m]; default: of the circle just enclosing the survey", LENGTH
     ] = None
     start_on_circle: Annotated[
         bool, "start at the nearest point of the circle, on its tangent, instead of at cna.start"

@@ -14,6 +14,7 @@ from obsplan.planning.candidates import first_of_the_best
 from obsplan.planning.checks import check_at_least, check_situation
 from obsplan.planning.expressions import Command, Symbolic, Targets, Vectorized, decide
 from obsplan.planning.situation import Situation
+from obsplan.quantities import CANDIDATES
 from obsplan.types import Belief, Decision, Pose
 
 SCALARS = 8  # AUVs up to which scalars are no slower than matrices, which hold all candidates
@@ -39,7 +40,7 @@ class ErrorEllipse:
 
     situation: Situation
     _: KW_ONLY
-    turn_rates: Annotated[int, "number of candidates, at least 2"] = 21
+    turn_rates: Annotated[int, "number of candidates", CANDIDATES] = 21
 
     def __post_init__(self) -> None:
         check_situation(self)

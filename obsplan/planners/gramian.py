@@ -36,6 +36,7 @@ from obsplan.planning.expressions import (
 from obsplan.planning.fallback import unusable
 from obsplan.planning.limits import LimitsAhead
 from obsplan.planning.situation import Situation
+from obsplan.quantities import CANDIDATES, CIRCLES, INTERVAL
 from obsplan.types import Belief, Decision, Pose
 
 LEAST_PINGS = 3  # that tell the three states: east, north, heading
@@ -94,11 +95,11 @@ class GramianHorizon:
         Metric, "of each AUV's Gramian over (east, north, heading); units m, rad, s"
     ] = "condition-number"
     aggregate: Annotated[Literal["mean", "rms", "max"], "over AUVs, by their weights"] = "mean"
-    turn_rates: Annotated[int, "number of candidates, at least 2"] = 21
-    horizon: Annotated[float | None, "look-ahead [s]; default: by circles"] = None
-    circles: Annotated[float, "look-ahead in smallest circles, where horizon is not given"] = (
-        2.0 / 3.0
-    )
+    turn_rates: Annotated[int, "number of candidates", CANDIDATES] = 21
+    horizon: Annotated[float | None, "look-ahead [s]; default: by circles", INTERVAL] = None
+    circles: Annotated[
+        float, "look-ahead in smallest circles, where horizon is not given", CIRCLES
+    ] = 2.0 / 3.0
     motion: Annotated[Literal["at-rest", "constant-velocity"], "of the AUVs over the horizon"] = (
         "at-rest"
     )

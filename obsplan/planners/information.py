@@ -15,6 +15,7 @@ from obsplan.planning.checks import check_at_least, check_choices, check_positiv
 from obsplan.planning.fallback import straight_on, unusable
 from obsplan.planning.limits import LimitsAhead
 from obsplan.planning.situation import Situation
+from obsplan.quantities import BEAM_WIDTH, BRANCHES, INTERVAL, STAGES
 from obsplan.types import Belief, Decision, Pose
 
 
@@ -39,10 +40,10 @@ class InformationHorizon:
     criterion: Annotated[
         Literal["trace", "log-det"], "of the position covariance, averaged over the horizon"
     ] = "trace"
-    horizon: Annotated[float, "least look-ahead [s]"] = 20.0
-    stages: Annotated[int, "levels of the tree, at least 1"] = 6
-    turn_rates: Annotated[int, "branches at each level, odd and at least 3"] = 7
-    beam_width: Annotated[int, "sequences kept at each level, at least 1"] = 128
+    horizon: Annotated[float, "least look-ahead [s]", INTERVAL] = 20.0
+    stages: Annotated[int, "levels of the tree", STAGES] = 6
+    turn_rates: Annotated[int, "branches at each level, odd", BRANCHES] = 7
+    beam_width: Annotated[int, "sequences kept at each level", BEAM_WIDTH] = 128
 
     def __post_init__(self) -> None:
         check_situation(self)

@@ -21,6 +21,7 @@ from obsplan.planning.checks import check_situation
 from obsplan.planning.expressions import Command, Symbolic, Targets, Vectorized, decide
 from obsplan.planning.fallback import predict_path, unusable
 from obsplan.planning.situation import Situation
+from obsplan.quantities import CHANGE_WEIGHT, LENGTH, WEIGHT
 from obsplan.types import Belief, Decision, Pose
 
 
@@ -47,6 +48,7 @@ class PathInertia:
     gamma: Annotated[
         float,
         "weight of separation against conditioning [-], at least 0; of the objective difference",
+        WEIGHT,
     ] = 1.0
     objective: Annotated[Literal["difference", "condition-number"], "what is minimised"] = (
         "difference"
@@ -55,11 +57,15 @@ class PathInertia:
         Literal["closed-form", "osqp", "clarabel"], "how the convex program is solved"
     ] = "closed-form"
     change_weight: Annotated[
-        float, "penalty on the squared change of radius [-], or of curvature [m^2]; at least 0"
+        float,
+        "penalty on the squared change of radius [-], or of curvature [m^2]; at least 0",
+        CHANGE_WEIGHT,
     ] = 0.0
-    max_radius: Annotated[float | None, "largest turning radius [m]; default: none"] = None
+    max_radius: Annotated[float | None, "largest turning radius [m]; default: none", LENGTH] = None
     max_center_distance: Annotated[
-        float | None, "largest distance of the circle's centre from each AUV [m]; default: none"
+        float | None,
+        "largest distance of the circle's centre from each AUV [m]; default: none",
+        LENGTH,
     ] = None
 
     def __post_init__(self) -> None:

@@ -12,6 +12,7 @@ from formulations.solution import Status
 from obsplan.planning.checks import check_at_least, check_positive, check_situation
 from obsplan.planning.fallback import predict_path, straight_on
 from obsplan.planning.situation import Situation
+from obsplan.quantities import INTERVAL, SEED
 from obsplan.types import Belief, Decision, Pose
 
 PLANNER_STREAM = 2  # of a mission's streams: process, measurement, planner
@@ -29,8 +30,8 @@ class RandomTurns:
 
     situation: Situation
     _: KW_ONLY
-    seed: Annotated[int | None, "of the turns, at least 0; default: the mission's"] = None
-    hold: Annotated[float, "time a turn is held [s]"] = 5.0
+    seed: Annotated[int | None, "of the turns; default: the mission's", SEED] = None
+    hold: Annotated[float, "time a turn is held [s]", INTERVAL] = 5.0
 
     def __post_init__(self) -> None:
         check_situation(self)

@@ -12,6 +12,7 @@ from obsplan.planning.checks import check_situation
 from obsplan.planning.expressions import Command, Targets, decide
 from obsplan.planning.situation import Situation
 from obsplan.planning.steering import look_ahead, turn_toward
+from obsplan.quantities import POSITION
 from obsplan.types import Belief, Decision, Pose
 
 
@@ -29,9 +30,9 @@ class Trail:
     situation: Situation
     _: KW_ONLY
     behind: Annotated[
-        float | None, "distance behind [m]; default: the smallest turning diameter"
+        float | None, "distance behind [m]; default: the smallest turning diameter", POSITION
     ] = None
-    left: Annotated[float, "distance to the left [m]; negative: to the right"] = 0.0
+    left: Annotated[float, "distance to the left [m]; negative: to the right", POSITION] = 0.0
 
     def __post_init__(self) -> None:
         check_situation(self)

@@ -26,6 +26,7 @@ from obsplan.planning.fallback import straight_on, unusable
 from obsplan.planning.interface import Progress
 from obsplan.planning.limits import SURE, LimitsAhead, margins
 from obsplan.planning.situation import Situation
+from obsplan.quantities import INTERVAL, ITERATIONS, TURN_ACCELERATION, TURNS, VESSEL_SPEED
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
@@ -69,19 +70,23 @@ class Trajectory:
     _: KW_ONLY
     objective: Annotated[Objective, "what is minimised"] = "covariance"
     horizon: Annotated[
-        float, "least look-ahead [s]; ``covariance`` looks six pings ahead at least"
+        float, "least look-ahead [s]; ``covariance`` looks six pings ahead at least", INTERVAL
     ] = 20.0
-    stages: Annotated[int, "turns over the horizon, at least 2"] = 12
+    stages: Annotated[int, "turns over the horizon, at least 2", TURNS] = 12
     max_turn_acceleration: Annotated[
-        float | None, "largest change of the turn rate [rad/s^2], taken at decisions; default: none"
+        float | None,
+        "largest change of the turn rate [rad/s^2], taken at decisions; default: none",
+        TURN_ACCELERATION,
     ] = None
     speed_range: Annotated[
-        tuple[float, float] | None, "least and greatest speed [m/s]; default: the vehicle's alone"
+        tuple[Annotated[float, VESSEL_SPEED], Annotated[float, VESSEL_SPEED]] | None,
+        "least and greatest speed [m/s]; default: the vehicle's alone",
     ] = None
-    max_iterations: Annotated[int, "of each solver, at least 1"] = 100
+    max_iterations: Annotated[int, "of each solver", ITERATIONS] = 100
     deadline: Annotated[
         float | None,
         "time a decision may take, about [s]; default: no limit, so that results repeat",
+        INTERVAL,
     ] = None
 
     def __post_init__(self) -> None:

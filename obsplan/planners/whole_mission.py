@@ -20,6 +20,7 @@ from obsplan.planning.fallback import unusable
 from obsplan.planning.filed import Filed
 from obsplan.planning.limits import SURE
 from obsplan.planning.situation import Situation
+from obsplan.quantities import INTERVAL, SEED, STARTS
 from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
@@ -70,9 +71,10 @@ class WholeMission:
         float | None,
         "time a turn is held [s]; default: up to half the time between ranges, "
         "longer in long missions",
+        INTERVAL,
     ] = None
-    starts: Annotated[int, "descents, at least 1"] = 24
-    search_seed: Annotated[int, "of the descents' random turns, at least 0"] = 1
+    starts: Annotated[int, "descents", STARTS] = 24
+    search_seed: Annotated[int, "of the descents' random turns", SEED] = 1
 
     def __post_init__(self) -> None:
         check_situation(self)

@@ -4,6 +4,8 @@ from typing import Any, get_args, get_type_hints
 
 import numpy as np
 
+from obsplan.quantities import check_quantities
+
 
 def check_choices(planner: object) -> None:
     """Refuse a value that is none of its field's named choices.
@@ -58,10 +60,14 @@ def check_at_least(planner: object, **least: int) -> None:
 def check_situation(planner: Any) -> None:
     """Refuse what is given in place of the situation, such as the vehicle alone.
 
+    Refuse also options out of their ranges.
+
     Raises
     ------
     TypeError
         Naming the planner, what it needs and what it got.
+    ValueError
+        Naming the field, its range and the value.
     """
     given = planner.situation
     if not hasattr(given, "cna"):
@@ -69,3 +75,4 @@ def check_situation(planner: Any) -> None:
             f"{type(planner).__name__} needs a situation, obsplan.Situation(cna), "
             f"got {type(given).__name__}"
         )
+    check_quantities(planner)

@@ -19,6 +19,7 @@ from obsplan.files import write_atomically
 from obsplan.report.leader import Standing, leader_sentences
 from obsplan.report.tables import cell
 from obsplan.report.words import metres
+from obsplan.spelling import inert
 from obsplan.types import ObsplanError
 
 if TYPE_CHECKING:
@@ -65,8 +66,8 @@ def write_campaign_report(folder: Path | str) -> CampaignReport:
     by_cell, pairs = medians(table), paired(table)
     target = made(Path(folder) / FOLDER)
     contents: dict[str, str | bytes] = {
-        "medians.csv": by_cell.to_csv(index=False),
-        "pairs.csv": pairs.to_csv(index=False),
+        "medians.csv": by_cell.map(inert).to_csv(index=False),
+        "pairs.csv": pairs.map(inert).to_csv(index=False),
     }
     contents |= {name: png(draw) for name, draw in figures(table).items()}
     for name, content in contents.items():

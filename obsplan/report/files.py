@@ -17,13 +17,13 @@ import tomlkit
 from jaxtyping import Float
 
 from obsplan.files import write_atomically
-from obsplan.missions.writers.table import inert
 from obsplan.planners import name_of
 from obsplan.recording import write_netcdf
 from obsplan.report.comparison import Rows, compare_figure
 from obsplan.report.export import Export, make_export
 from obsplan.report.path_files import write_paths
 from obsplan.run import Run
+from obsplan.spelling import inert
 from obsplan.types import ObsplanError
 
 DECIMALS = 6  # in tables: micrometres, microradians
@@ -161,7 +161,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
         The folder exists or cannot be written.
     """
     check_free(folder)
-    made = folder.parent / f".{folder.name}.{os.getpid()}.part"
+    made = hidden(folder)
     try:
         made.mkdir()
         yield made
@@ -178,6 +178,11 @@ def new_folder(folder: Path) -> Iterator[Path]:
         shutil.rmtree(made, ignore_errors=True)  # renamed, unless something went wrong
 
 
+def hidden(folder: Path) -> Path:
+    """Where a folder is made before it gets its name."""
+    return folder.parent / f".{folder.name}.{os.getpid()}.part"
+
+
 def check_free(folder: Path) -> None:
     """Refuse a folder that cannot be made."""
     if os.path.lexists(folder):
@@ -189,6 +194,14 @@ def check_free(folder: Path) -> None:
             f"{folder} cannot be made, because {folder.parent} is not a folder: make that first, "
             "or give another"
         )
+    try:
+        os.lstat(hidden(folder))
+    except FileNotFoundError:
+        pass
+    except OSError as error:
+        raise ObsplanError(
+            f"{folder} cannot be made ({error.strerror}): give another name"
+        ) from error
     if not os.access(folder.parent, os.W_OK | os.X_OK):
         raise ObsplanError(
             f"{folder} cannot be made, because {folder.parent} cannot be written to: give another "

@@ -19,6 +19,7 @@ from matplotlib.ticker import FuncFormatter, LogFormatter
 
 from obsplan.planners import PLANNERS
 from obsplan.report.words import marked, time_unit
+from obsplan.types import UNCOMPUTABLE, uncomputable
 
 # Okabe & Ito (2008) without its yellow and black, then two of P. Tol's "muted": colour-blind
 # readers can tell them apart, on white too.
@@ -59,11 +60,29 @@ def styled() -> Iterator[None]:
 
 
 def png(draw: Callable[[], Figure]) -> bytes:
-    """Draw a figure without any window system; the bytes tell neither when nor by whom."""
-    buffer = io.BytesIO()
+    """Draw a figure without any window system; the bytes tell neither when nor by whom.
+
+    One that numbers make impossible is replaced by one that says so: what was flown is kept.
+    """
     with styled():
-        draw().savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+        try:
+            return _saved(draw())
+        except (*UNCOMPUTABLE, ValueError) as error:
+            return _saved(_not_drawn(error))
+
+
+def _saved(figure: Figure) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
     return buffer.getvalue()
+
+
+def _not_drawn(error: Exception) -> Figure:
+    """A figure that says why there is none."""
+    figure = Figure(figsize=(6.0, 2.0))
+    why = fill(f"This figure cannot be drawn: {uncomputable(error)}.", 70)
+    figure.text(0.5, 0.5, why, ha="center", va="center", parse_math=False)
+    return figure
 
 
 def colour(i: int) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from formulations.consistency import mean_nees_interval
+from formulations.cramer_rao import position_rms
 from formulations.solution import Status
 from obsplan.constraints import LimitHistory
 from obsplan.report.words import (
@@ -23,8 +24,12 @@ from obsplan.scenario.states import BASIC
 
 TELLING = 4.0  # mean NEES, 2 if consistent, of errors sqrt(2) times too large: to be told apart
 INSIDE = 5.991  # NEES on the 95 % ellipse: chi-square with 2 degrees
+OWN = (Status.OPTIMAL, Status.CLIPPED, Status.INACCURATE, Status.RESTARTED, Status.SECOND_SOLVER)
+STRONG = 0.25  # of the aid vehicle's speed: a current that is felt
 LOST = 5.0  # [σ] median error in the second half of the mission
 AGREE = 0.2  # of the median error: a distance so much smaller explains it
+ASTRAY = 2.0  # times what an AUV is known to be within: an error that says it is not known at all
+TOLD = 0.98  # of the variance of dead reckoning: what ranges leave if they tell next to nothing
 STRAIGHT = 0.05  # of the mean separation: a track so narrow looks straight
 FARTHEST = 2500.0  # [m], reach of the acoustic modems in use
 
@@ -85,7 +90,35 @@ def planner_notes(run: Run) -> list[str]:
         f"{run.planner}: {run.status_counts[s.label]} of {total} decisions {s.label}: {s.advice}."
         for s in odd
     ]
-    return [*decisions, *_own_notes(run)]
+    own = sum(run.status_counts.get(status.label, 0) for status in OWN)
+    if total and not own:
+        decisions.append(
+            f"Not one of its {total} decisions is what {run.planner} was asked for: the path says "
+            "nothing of this planner."
+        )
+    return [*decisions, *_current_notes(run), *_own_notes(run)]
+
+
+def _current_notes(run: Run) -> list[str]:
+    """What is taken for granted of vehicles in a current that is strong for them."""
+    scenario = run.scenario
+    current, speed = float(np.hypot(*scenario.table.environment.current)), scenario.cna.speed
+    notes = []
+    if current > STRONG * speed:
+        notes.append(
+            f"The aid vehicle is taken to hold its track over ground: against the current of "
+            f"{current:g} m/s that takes up to {speed + current:g} m/s through the water."
+        )
+    for name, reference in zip(run.names, scenario.references, strict=True):
+        keeps = len(reference.polyline) == 1 or (
+            reference.hold is not None and reference.hold.any()
+        )
+        if keeps and reference.speed is not None and np.max(reference.speed) < current:
+            notes.append(
+                f"{name} keeps station in a current of {current:g} m/s, which takes that speed "
+                f"through the water, and not the {np.max(reference.speed):g} m/s it is given."
+            )
+    return notes
 
 
 def _own_notes(run: Run) -> list[str]:
@@ -93,7 +126,7 @@ def _own_notes(run: Run) -> list[str]:
     scenario, notes = run.scenario, []
     if not run.bounded:
         notes.append(NO_BOUND)
-    elif run.unbounded:
+    elif run.unbounded and scenario.pings.size:
         unit = "m^2" if scenario.ranging_kind == "squared-range" else "m"
         sigma = f"{scenario.range_sensor.sigma:g} {unit}"
         notes.append(f"Planners count on ranges that err by {sigma} everywhere; {run.unbounded}.")
@@ -111,20 +144,70 @@ def sentence(run: Run, i: int, figures: dict[str, Any]) -> str:
         when = moment(run, int(failed[0]))
         why = "where the filter's estimate stopped being a number"
         return f"{run.names[i]}: position lost {when}, {why}."
+    if not run.scenario.pings.size:
+        return _unmeasured(run, i, figures)
     worst = f"worst {metres(figures['max_error_m'])}, {moment(run, int(run.error[i].argmax()))}"
     if is_lost(run, i):
         lost = f"position lost, {metres(figures['rms_error_m'])} RMS off ({worst})"
         return f"{run.names[i]}: {lost}; {explain_loss(run, i)}."
+    if np.sqrt(np.mean(run.error[i] ** 2)) > ASTRAY * whereabouts(run, i):
+        return _astray(run, i, worst)
+    untold = _untold(run, i)
     clauses = [
         (
             f"position known to {metres(figures['rms_error_m'])} RMS "
-            f"({worst}){_against_bound(figures)}"
+            f"({worst}){'' if untold else _against_bound(figures)}"
         ),
         _consistency(run.nees[i], figures["mean_nees"], float(run.independent_errors[i])),
+        untold,
         _ambiguity(run, i),
-        _reach(figures["separation_max_m"]),
+        _reach(float(run.separation[i].min()), figures["separation_max_m"]),
     ]
     return f"{run.names[i]}: {'; '.join(clause for clause in clauses if clause)}."
+
+
+def _unmeasured(run: Run, i: int, figures: dict[str, Any]) -> str:
+    """The verdict on an AUV that no range has reached."""
+    table = run.scenario.table
+    return (
+        f"{run.names[i]}: not one range was measured (ranging.interval = "
+        f"{table.ranging.interval:g} s, in a mission of {run.time[-1]:g} s): dead reckoning alone, "
+        f"{metres(figures['rms_error_m'])} RMS off, whatever the aid vehicle does."
+    )
+
+
+def whereabouts(run: Run, i: int) -> float:
+    """Size [m] of what an AUV is known to be in before anything is measured.
+
+    It is its own track, or its greatest distance from the aid vehicle.
+    """
+    extent = np.hypot(*np.ptp(run.truth[i, :, :2], axis=0))
+    return float(max(extent, run.separation[i].max()))
+
+
+def _astray(run: Run, i: int, worst: str) -> str:
+    """The verdict on an AUV whose error is greater than its `whereabouts`."""
+    late = float(np.median(run.error[i, run.time.size // 2 :]))
+    size = metres(whereabouts(run, i))
+    rms = metres(float(np.sqrt(np.mean(run.error[i] ** 2))))
+    if late < whereabouts(run, i):
+        return (
+            f"{run.names[i]}: position found late, to {metres(late)} in the second half; {rms} "
+            f"RMS off in all ({worst}), beyond the {size} it moves in: look at "
+            "first_estimate."
+        )
+    return (
+        f"{run.names[i]}: position not known, {rms} RMS off ({worst}), beyond the {size} it moves "
+        "in: look at first_estimate, process_noise and ranging."
+    )
+
+
+def _untold(run: Run, i: int) -> str:
+    """What to say where the ranges have told next to nothing."""
+    alone, aided = (position_rms(P[i]) for P in (run.unaided, run.cramer_rao))
+    if np.mean(aided**2) < TOLD * np.mean(alone**2):
+        return ""
+    return "beware, its ranges told next to nothing: dead reckoning alone is as good"
 
 
 def is_lost(run: Run, i: int) -> bool:
@@ -214,7 +297,12 @@ def _ambiguity(run: Run, i: int) -> str:
     return ""
 
 
-def _reach(farthest: float) -> str:
+def _reach(nearest: float, farthest: float) -> str:
+    if nearest > FARTHEST:
+        return (
+            f"beware, never nearer than {metres(nearest)}, and acoustic modems reach "
+            f"{metres(FARTHEST)} at best: no real one would have measured these ranges"
+        )
     return (
         f"beware, {metres(farthest)} apart, where acoustic modems reach {metres(FARTHEST)} at best"
         if farthest > FARTHEST

@@ -1,12 +1,9 @@
 """What every table of a scenario file is made of."""
 
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
-
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
+from pydantic import BaseModel, ConfigDict
 
 
 class Table(BaseModel):

@@ -10,6 +10,7 @@ from pydantic import Field, GetCoreSchemaHandler, ValidationError, create_model
 from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
 from obsplan.plugins import checked_class, is_own, kind_of_object
+from obsplan.quantities import BEARING, WHOLE, quantity_of
 from obsplan.scenario.base import Table, tuples
 from obsplan.scenario.places import Corners, Place, Position
 from obsplan.types import Point, Points
@@ -49,6 +50,10 @@ def table_of(
             if f.name == "heading"
             else (f.name, description)
         )
+        if quantity_of(hint) is None:  # of a heading, whose quantity is in radians; of a user's own
+            whole = getattr(hint, "__origin__", hint) in (int, int | None)
+            bound = BEARING if f.name == "heading" else WHOLE if whole else None
+            hint = hint if bound is None else Annotated[hint, bound]
         keys[key] = (hint, Field(default, description=description))
     bases = (Place, base) if {"x", "y"} <= keys.keys() else base
     return create_model(name, __base__=bases, __module__=__name__, **keys)

@@ -1,17 +1,20 @@
 """Scenario files, shipped or a user's."""
 
+import os
 import tomllib
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from obsplan.scenario.contents import parse_toml
 from obsplan.scenario.scenario import Scenario, from_dict
 from obsplan.scenario.settings import with_planner, with_setting
 from obsplan.spelling import nearest
 from obsplan.types import ObsplanError
 
 SHIPPED = Path(str(files("obsplan") / "scenarios"))
+MOST_BYTES = 20_000_000  # some 500 000 waypoints
 
 
 def shipped() -> list[str]:
@@ -61,7 +64,7 @@ def find(name: str | Path) -> Path:
     if str(name) in shipped() + suite():
         return SHIPPED / f"{name}.toml"
     path = Path(name)
-    if path.suffix != ".toml" and not path.exists():
+    if path.suffix != ".toml" and not os.path.exists(path):
         raise ObsplanError(
             f'no scenario "{name}" is shipped and no such file exists; {meant(path)}'
         )
@@ -71,22 +74,29 @@ def find(name: str | Path) -> Path:
 def meant(path: Path) -> str:
     """The remedy for a path that is no scenario file: the file beside or inside it, if any."""
     candidates = (Path(f"{path}.toml"), path / "scenario.toml")
-    there = [str(file) for file in candidates if file.is_file()]
+    there = [str(file) for file in candidates if os.path.isfile(file)]
     return f'did you mean "{there[0]}"?' if there else nearest(str(path), shipped())
 
 
 def read(path: Path) -> dict[str, Any]:
-    """Parse a TOML file."""
+    """Parse a TOML file of at most `MOST_BYTES`."""
+    if os.path.isdir(path):
+        raise ObsplanError(f"{path}: is a folder and no scenario file; {meant(path)}")
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        with path.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+        if len(content) > MOST_BYTES:
+            raise ObsplanError(
+                f"{path}: is larger than {MOST_BYTES / 1e6:.0f} MB, and scenarios are not; keep "
+                "long surveys in mission files"
+            )
+        return parse_toml(content.decode("utf-8-sig"))
     except FileNotFoundError:
         raise ObsplanError(
             f"{path}: no such file; `obsplan scenarios` lists those that are shipped"
         ) from None
-    except IsADirectoryError:
-        raise ObsplanError(f"{path}: is a folder and no scenario file; {meant(path)}") from None
     except OSError as error:
-        raise ObsplanError(f"{path}: cannot be read: {error.strerror}") from None
+        raise ObsplanError(f"{path}: cannot be read: {error.strerror}; check its name") from None
     except UnicodeDecodeError as error:
         raise ObsplanError(
             f"{path}: is not text in UTF-8 (byte {error.start}); give a scenario file in TOML"
@@ -95,3 +105,5 @@ def read(path: Path) -> dict[str, Any]:
         raise ObsplanError(
             f"{path}: is not valid TOML: {error}; for a mission file use `obsplan new {path.name}`"
         ) from None
+    except ValueError as error:  # bounds of the parser, or a null character in the name
+        raise ObsplanError(f"{path}: {error}") from None

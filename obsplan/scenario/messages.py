@@ -5,6 +5,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from obsplan.plugins import is_own
+from obsplan.quantities import Quantity, quantity_of
 from obsplan.scenario.choice import Choice
 from obsplan.scenario.places import DEGREES, METRES, Degrees, InDegrees
 from obsplan.scenario.tables import AREA, CORNERS, AreaTable, ScenarioTable
@@ -12,8 +13,8 @@ from obsplan.spelling import nearest
 from obsplan.types import ObsplanError
 
 REASONS = {  # where pydantic's words are Python's and not the file's
-    "model_type": "must be a table with keys of its own",
-    "model_attributes_type": "must be a table with keys of its own",
+    "model_type": "must be a table with keys of its own: see `obsplan schema`",
+    "model_attributes_type": "must be a table with keys of its own: see `obsplan schema`",
     "tuple_type": "must be a list, [ ... ]",
     "too_short": "has too few entries",
     "too_long": "has too many entries",
@@ -21,9 +22,13 @@ REASONS = {  # where pydantic's words are Python's and not the file's
     "string_pattern_mismatch": "must begin with a letter or digit and have no other characters",
     "float_type": "must be a number",
     "int_type": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "finite_number": "must be a finite number",
+    "string_too_long": "is too long: shorten it",
 }
 
 OWN = ' (a class of your own is "mypackage.module:Class")'
+NUMBERS = ("float_type", "int_type", "int_from_float", "finite_number")
 LONGEST_VALUE = 80  # letters of a value that is shown
 
 FORMS: dict[int | str, type[BaseModel] | None] = {
@@ -38,6 +43,8 @@ def as_toml(value: object) -> str:
     """A value as the user wrote it."""
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key} = {as_toml(v)}' for key, v in value.items())}}}"
     if isinstance(value, tuple):
         return f"[{', '.join(as_toml(v) for v in value)}]"
     return f'"{value}"' if isinstance(value, str) else str(value)
@@ -49,7 +56,7 @@ def as_error(source: str, error: ValidationError) -> ObsplanError:
     # a misspelt key explains the key that is missing
     fault = next((f for f in faults if f["type"] == "extra_forbidden"), faults[0])
     table, path, field = locate(fault["loc"])
-    key = ".".join(path)
+    key = shortened(".".join(path))
     if fault["type"] == "extra_forbidden":
         return ObsplanError(f"{source}: unknown key {key}; {nearest(path[-1], known_keys(table))}")
     about = f" ({field.description})" if field is not None and field.description else ""
@@ -60,17 +67,24 @@ def as_error(source: str, error: ValidationError) -> ObsplanError:
             f"{source}: {key}.kind is missing; give one of {', '.join(kinds(field))}"
         )
     if fault["type"] == "union_tag_invalid":
-        tag = str((fault.get("ctx") or {}).get("tag"))
+        tag = shortened(str((fault.get("ctx") or {}).get("tag")))
         return ObsplanError(
             f'{source}: {key}.kind = "{tag}" is not known; {nearest(tag, kinds(field))}{OWN}'
         )
     said = fault["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
     reason = REASONS.get(fault["type"], said)
+    quantity = quantity_of_field(field)
+    if fault["type"] in NUMBERS and quantity is not None:
+        reason = f"{reason} {quantity}: correct it"
     written = as_toml(fault["input"])
-    if len(written) > LONGEST_VALUE:
-        written = f"{written[:LONGEST_VALUE]}..."
-    value = "" if isinstance(fault["input"], dict) else f" = {written}"
+    tabular = isinstance(fault["input"], dict) and bool(field and tables_in(field.annotation))
+    value = "" if tabular else f" = {shortened(written)}"
     return ObsplanError(f"{source}: {key}{value}{about}: {reason}")
+
+
+def shortened(text: str) -> str:
+    """The beginning of a long text."""
+    return f"{text[:LONGEST_VALUE]}..." if len(text) > LONGEST_VALUE else text
 
 
 def locate(loc: tuple[int | str, ...]) -> tuple[type[BaseModel] | None, list[str], Any]:
@@ -82,8 +96,8 @@ def locate(loc: tuple[int | str, ...]) -> tuple[type[BaseModel] | None, list[str
         if part in FORMS or part in tags:  # pydantic's name for one of several; no key of the file
             table, tags = (FORMS | tags)[part] or table, {}
             continue
-        if is_own(part) and (choice := choice_of(field)):
-            table, tags = choice.table(str(part)), {}
+        if is_own(part) and (own := own_table(field, str(part))):
+            table, tags = own, {}
             continue
         path.append(str(part))
         if isinstance(part, int):
@@ -94,6 +108,23 @@ def locate(loc: tuple[int | str, ...]) -> tuple[type[BaseModel] | None, list[str
         table = tables[0] if len(tables) == 1 else None
         tags = {kind_of(t): t for t in tables} if len(tables) > 1 else {}
     return holder, path or ["the file"], field
+
+
+def quantity_of_field(field: Any) -> Quantity | None:
+    """The range of a key's numbers, if it has one."""
+    if field is None:
+        return None
+    marks = (mark for mark in field.metadata if isinstance(mark, Quantity))
+    return next(marks, None) or quantity_of(field.annotation)
+
+
+def own_table(field: Any, kind: str) -> type[BaseModel] | None:
+    """The table of a user's class; None where the part is no class but a key that has a colon."""
+    choice = choice_of(field)
+    try:
+        return None if choice is None else choice.table(kind)
+    except ValueError:
+        return None
 
 
 def choice_of(field: Any) -> Choice | None:

@@ -22,16 +22,16 @@ from obsplan.plugins import class_of
 from obsplan.scenario.areas import Role, Shape, as_entry, as_fence, common, shapes_of
 from obsplan.scenario.base import tuples
 from obsplan.scenario.choice import options
+from obsplan.scenario.contents import check_contents
 from obsplan.scenario.equipment import Equipment
 from obsplan.scenario.messages import as_error
 from obsplan.scenario.plausible import check_metres_are_metres, known_speeds
 from obsplan.scenario.settings import NESTED, as_given, replaced, with_planner
+from obsplan.scenario.size import check_auvs, check_current, check_planner_size, check_steps
 from obsplan.scenario.tables import AreaTable, MissionSurvey, Origin, ScenarioTable
 from obsplan.surveys import SURVEYS, Formation, Motion, Reference, Waypoints
-from obsplan.types import ObsplanError, Pose
+from obsplan.types import UNCOMPUTABLE, ObsplanError, Pose, uncomputable
 from obsplan.vehicles import Unicycle
-
-MOST_STEPS = 2_000_000  # about 1 GB of records with eight AUVs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +54,9 @@ class Scenario(Equipment):
         names = [auv.name for auv in self.table.auv]
         if len(set(names)) < len(names):
             raise self.error("auv", f"the names {names} are not all different; rename one")
+        check_auvs(len(names), self.source)
+        check_planner_size(self.table.planner, len(names), self.source)
+        check_current(self.table, self.source)
         _ = self.motions, self.ping_every, self.decide_every, self.constraints
         _ = self.vehicles, self.range_sensor, self.estimator
         self.planner()
@@ -184,16 +187,11 @@ class Scenario(Equipment):
             raise self.error(
                 "duration", "is missing, and no AUV moves; give the length of the mission [s]"
             )
-        steps = int(np.ceil(duration / self.table.time_step - 1e-9))
-        if steps > MOST_STEPS:
-            raise self.error(
-                "time_step",
-                (
-                    f"{self.table.time_step} s makes {steps} steps of {duration:.0f} s; give at "
-                    f"most {MOST_STEPS} steps"
-                ),
-            )
-        return np.arange(steps + 1) * self.table.time_step
+        step = self.table.time_step
+        steps = int(np.ceil(duration / step - 1e-9))
+        auvs = len(self.table.auv)
+        check_steps(steps, auvs, duration=duration, time_step=step, source=self.source)
+        return np.arange(steps + 1) * step
 
     @cached_property
     def motions(self) -> tuple[Motion, ...]:
@@ -378,12 +376,16 @@ def from_dict(data: dict[str, Any], *, source: str = "scenario", folder: Path = 
         As `load`.
     """
     try:
+        check_contents(data, source)
         contents = tuples(data)
         table = ScenarioTable.model_validate(contents, context={"origin": origin_of(contents)})
     except ValidationError as error:
         raise as_error(source, error) from None
     scenario = Scenario(table=table, source=source, folder=folder)
-    scenario.check()
+    try:
+        scenario.check()
+    except UNCOMPUTABLE as error:
+        raise ObsplanError(f"{source}: {uncomputable(error)}") from error
     return scenario
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from obsplan.planners import PLANNERS
 from obsplan.plugins import is_own
+from obsplan.scenario.contents import DEEPEST, parse_toml
 from obsplan.scenario.messages import OWN
 from obsplan.scenario.tables import CHOICES
 from obsplan.spelling import nearest
@@ -36,10 +37,19 @@ def with_setting(data: dict[str, Any], setting: str) -> dict[str, Any]:
             f'--set "{setting}" has no value; write table.key=value, for example cna.speed=1.5'
         )
     try:
-        value = tomllib.loads(f"value = {text}")["value"]
+        value = parse_toml(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         value = text  # a bare word is a string
-    return replaced(data, key.strip().split("."), value, f'--set "{setting}"')
+    except ValueError as error:
+        said = str(error).removeprefix("line 1: value = ")
+        raise ObsplanError(f"--set {key.strip()}: {said}") from None
+    path = key.strip().split(".")
+    if len(path) > DEEPEST:
+        raise ObsplanError(
+            f'--set "{setting[:40]}...": {len(path)} keys within each other, and a scenario has '
+            f"at most {DEEPEST}: see `obsplan schema`"
+        )
+    return replaced(data, path, value, f'--set "{setting}"')
 
 
 def replaced(data: Any, path: list[str], value: Any, setting: str) -> Any:
@@ -48,7 +58,7 @@ def replaced(data: Any, path: list[str], value: Any, setting: str) -> Any:
         return beside(data, value)
     head, rest = path[0], path[1:]
     if isinstance(data, list | tuple):
-        if not head.isdigit() or int(head) >= len(data):
+        if not head.isdecimal() or not head.isascii() or len(head) > 9 or int(head) >= len(data):
             raise ObsplanError(
                 f"{setting}: {head} is not one of the {len(data)} entries, which count from 0"
             )

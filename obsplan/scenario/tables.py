@@ -7,7 +7,27 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from obsplan.estimators import ESTIMATORS
 from obsplan.missions import READERS
 from obsplan.planners import PLANNERS, planner_class
-from obsplan.scenario.base import NonNegative, Positive, Table
+from obsplan.quantities import (
+    ANGLE_SIGMA,
+    AUV_SPEED,
+    BEARING,
+    COMPASS_SIGMA,
+    CURRENT,
+    DISTANCE,
+    DURATION,
+    INTERVAL,
+    LENGTH,
+    POSITION,
+    POSITION_WALK,
+    SEED,
+    SPEED_SIGMA,
+    SPEED_WALK,
+    TIME_STEP,
+    TURN_RADIUS,
+    VESSEL_SPEED,
+    WEIGHT,
+)
+from obsplan.scenario.base import Table
 from obsplan.scenario.choice import Choice
 from obsplan.scenario.export import ExportTable
 from obsplan.scenario.places import Corners, Degrees, Place
@@ -25,9 +45,9 @@ class Origin(Degrees):
 class Start(Place):
     """Where the aid vehicle starts."""
 
-    x: float = Field(default=0.0, description="east [m]")
-    y: float = Field(default=0.0, description="north [m]")
-    heading_deg: float = Field(
+    x: Annotated[float, POSITION] = Field(default=0.0, description="east [m]")
+    y: Annotated[float, POSITION] = Field(default=0.0, description="north [m]")
+    heading_deg: Annotated[float, BEARING] = Field(
         default=90.0, description="heading [deg], counter-clockwise from east"
     )
 
@@ -35,8 +55,10 @@ class Start(Place):
 class Cna(Table):
     """The aid vehicle (communication and navigation aid)."""
 
-    speed: Positive = Field(description="cruising speed [m/s]")
-    min_turn_radius: Positive = Field(description="smallest turning radius [m]")
+    speed: Annotated[float, VESSEL_SPEED] = Field(description="cruising speed [m/s]")
+    min_turn_radius: Annotated[float, TURN_RADIUS] = Field(
+        description="smallest turning radius [m]"
+    )
     start: Start = Field(default=Start(), description="pose at time 0")
 
 
@@ -57,19 +79,21 @@ class FirstEstimate(Place):
     What is left out of the mean is drawn about the truth with its sigma.
     """
 
-    x: float | None = Field(default=None, description="east [m]")
-    y: float | None = Field(default=None, description="north [m]")
-    heading_deg: float | None = Field(
+    x: Annotated[float | None, POSITION] = Field(default=None, description="east [m]")
+    y: Annotated[float | None, POSITION] = Field(default=None, description="north [m]")
+    heading_deg: Annotated[float | None, BEARING] = Field(
         default=None, description="heading [deg], counter-clockwise from east"
     )
-    speed: float | None = Field(default=None, description="speed through the water [m/s]")
-    sigma_position: NonNegative = Field(
+    speed: Annotated[float | None, AUV_SPEED] = Field(
+        default=None, description="speed through the water [m/s]"
+    )
+    sigma_position: Annotated[float, DISTANCE] = Field(
         default=5.0, description="standard deviation of each coordinate [m]"
     )
-    sigma_heading_deg: NonNegative = Field(
+    sigma_heading_deg: Annotated[float, ANGLE_SIGMA] = Field(
         default=2.0, description="standard deviation of the heading [deg]"
     )
-    sigma_speed: NonNegative = Field(
+    sigma_speed: Annotated[float, SPEED_SIGMA] = Field(
         default=0.5, description="standard deviation of the speed [m/s]"
     )
 
@@ -77,9 +101,13 @@ class FirstEstimate(Place):
 class ProcessNoise(Table):
     """Standard deviations of a random walk, per square root of a second."""
 
-    position: NonNegative = Field(default=0.0, description="of each coordinate [m/sqrt(s)]")
-    heading_deg: NonNegative = Field(default=0.0, description="of the heading [deg/sqrt(s)]")
-    speed: NonNegative = Field(
+    position: Annotated[float, POSITION_WALK] = Field(
+        default=0.0, description="of each coordinate [m/sqrt(s)]"
+    )
+    heading_deg: Annotated[float, ANGLE_SIGMA] = Field(
+        default=0.0, description="of the heading [deg/sqrt(s)]"
+    )
+    speed: Annotated[float, SPEED_WALK] = Field(
         default=0.0, description="of the speed through the water [m/s/sqrt(s)]"
     )
 
@@ -94,8 +122,10 @@ class RangingTable(Table):
     """Acoustic ranging and the compass."""
 
     kind: str = Field(description="what is measured with Gaussian error")
-    interval: Positive = Field(default=15.0, description="time between ranges to each AUV [s]")
-    heading_sigma_deg: Positive = Field(
+    interval: Annotated[float, INTERVAL] = Field(
+        default=15.0, description="time between ranges to each AUV [s]"
+    )
+    heading_sigma_deg: Annotated[float, COMPASS_SIGMA] = Field(
         default=1.0, description="standard deviation of the measured heading [deg]"
     )
 
@@ -113,7 +143,7 @@ class PlannerTable(Table):
     """Keys that every planner has."""
 
     kind: str = Field(description="which one")
-    interval: Positive | None = Field(
+    interval: Annotated[float | None, INTERVAL] = Field(
         default=None, description="time between decisions [s]; default: about 1 s"
     )
     knowledge: Literal["estimate", "estimate-and-survey", "survey", "truth"] = Field(
@@ -171,14 +201,16 @@ class Auv(Table):
     name: str = Field(
         default="", description="name in tables and figures; default: auv-1, auv-2, ..."
     )
-    speed: NonNegative | None = Field(
+    speed: Annotated[float | None, AUV_SPEED] = Field(
         default=None,
         description=(
             "speed through the water on every leg [m/s]; default: the speeds of the survey or its "
             "file, where a leg without one takes that before it, or else after it"
         ),
     )
-    weight: NonNegative = Field(default=1.0, description="weight in the planner's objective")
+    weight: Annotated[float, WEIGHT] = Field(
+        default=1.0, description="weight in the planner's objective"
+    )
     survey: Survey = Field(  # pyright: ignore[reportInvalidTypeForm]
         description="what it follows over ground"
     )
@@ -192,7 +224,7 @@ class Auv(Table):
 class Environment(Table):
     """The water."""
 
-    current: tuple[float, float] = Field(
+    current: tuple[Annotated[float, CURRENT], Annotated[float, CURRENT]] = Field(
         default=(0.0, 0.0), description="uniform current, east and north [m/s]"
     )
 
@@ -200,9 +232,15 @@ class Environment(Table):
 class AreaTable(Place):
     """An area: a disc by its centre and radius, a polygon by its corners, or those of a file."""
 
-    x: float | None = Field(default=None, description="centre of a disc, east [m]")
-    y: float | None = Field(default=None, description="centre of a disc, north [m]")
-    radius: Positive | None = Field(default=None, description="radius of a disc [m]")
+    x: Annotated[float | None, POSITION] = Field(
+        default=None, description="centre of a disc, east [m]"
+    )
+    y: Annotated[float | None, POSITION] = Field(
+        default=None, description="centre of a disc, north [m]"
+    )
+    radius: Annotated[float | None, LENGTH] = Field(
+        default=None, description="radius of a disc [m]"
+    )
     points: Corners | None = Field(
         default=None, description="corners of a polygon, each [east, north] [m]"
     )
@@ -238,8 +276,10 @@ class ConstraintsTable(Table):
         ]
         | None
     ) = Field(default=None, description="corners of the area not to leave, each [east, north] [m]")
-    min_separation: NonNegative = Field(default=0.0, description="least distance to any AUV [m]")
-    max_separation: Positive | None = Field(
+    min_separation: Annotated[float, DISTANCE] = Field(
+        default=0.0, description="least distance to any AUV [m]"
+    )
+    max_separation: Annotated[float | None, LENGTH] = Field(
         default=None, description="greatest distance to any AUV [m]; default: none"
     )
 
@@ -253,11 +293,11 @@ class ScenarioTable(Table):
         description="letters, digits, dots and hyphens",
     )
     description: str = Field(default="", description="one line for lists")
-    seed: int = Field(default=1, ge=0, description="of all random numbers")
-    time_step: Positive = Field(
+    seed: Annotated[int, SEED] = Field(default=1, description="of all random numbers")
+    time_step: Annotated[float, TIME_STEP] = Field(
         default=0.5, description="of simulation, heading measurements and records [s]"
     )
-    duration: Positive | None = Field(
+    duration: Annotated[float | None, DURATION] = Field(
         default=None, description="of the mission [s]; default: until the last survey is done"
     )
     origin: Origin = Field(description="geographic place of local (0, 0)")

@@ -20,8 +20,9 @@ from obsplan.scenario.plausible import (
     extent,
     known_speeds,
 )
+from obsplan.scenario.size import MOST_AUVS
 from obsplan.surveys.reference import FASTEST, SLOWEST
-from obsplan.types import Pose
+from obsplan.types import ObsplanError, Pose
 
 LARGEST_TANK = 20.0  # [m]; of a survey that is taken to be in a test tank
 DECIMALS = 2  # of limits [m]
@@ -90,6 +91,11 @@ def understand(path: Path) -> Understood:
     mission = read_mission(path)
     check_metres_are_metres(path.name, mission)
     check_extent(path.name, mission)
+    if len(mission.tracks) > MOST_AUVS:
+        raise ObsplanError(
+            f"{path.name} has {len(mission.tracks)} tracks, and one aid vehicle ranges to at most "
+            f"{MOST_AUVS} AUVs in turns: export those that are yours"
+        )
     local = to_local(mission)
     numbers = TANK if extent(mission) < LARGEST_TANK else FIELD
     remarks = list(mission.remarks)

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import casadi as ca
-from pydantic import Field
 
 from formulations.model.covariance import deviation
+from obsplan.quantities import RANGE_SIGMA
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -19,7 +19,7 @@ class Range:
 
     periodic: ClassVar[bool] = False
 
-    sigma: Annotated[float, "standard deviation [m]", Field(gt=0)] = 1.0
+    sigma: Annotated[float, "standard deviation [m]", RANGE_SIGMA] = 1.0
 
     def measure(self, x: ca.SX, beacon: ca.SX) -> ca.SX:
         """Range [m] from state x to the beacon (east, north)."""

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import casadi as ca
-from pydantic import Field
 
 from formulations.model.covariance import deviation
+from obsplan.quantities import SQUARED_RANGE_SIGMA
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,7 +18,7 @@ class SquaredRange:
 
     periodic: ClassVar[bool] = False
 
-    sigma: Annotated[float, "standard deviation of the square [m^2]", Field(gt=0)] = 1.0
+    sigma: Annotated[float, "standard deviation of the square [m^2]", SQUARED_RANGE_SIGMA] = 1.0
 
     def measure(self, x: ca.SX, beacon: ca.SX) -> ca.SX:
         """Squared range [m^2] from state x to the beacon (east, north)."""

@@ -1,11 +1,11 @@
 """An AUV that keeps its place beside another one."""
 
-import math
 from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 
+from obsplan.quantities import POSITION, check_quantities
 from obsplan.surveys.reference import Reference
 
 
@@ -20,16 +20,13 @@ class Formation:
     """
 
     leader: Annotated[str, "name of the AUV to stay beside"]
-    east: Annotated[float, "offset from the leader, east [m]"] = 0.0
-    north: Annotated[float, "offset from the leader, north [m]"] = 0.0
+    east: Annotated[float, "offset from the leader, east [m]", POSITION] = 0.0
+    north: Annotated[float, "offset from the leader, north [m]", POSITION] = 0.0
 
     def __post_init__(self):
         if not self.leader:
             raise ValueError("leader is empty: give the name of the AUV to stay beside")
-        for name in ("east", "north"):
-            value = getattr(self, name)
-            if not math.isfinite(value):
-                raise ValueError(f"{name} must be finite [m], got {value}")
+        check_quantities(self)
 
     def follow(self, leader: Reference) -> Reference:
         """Motion beside the leader's, at the leader's speeds and holds."""

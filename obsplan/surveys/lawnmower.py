@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from jaxtyping import Float
 
+from obsplan.quantities import LEGS, LENGTH, POSITION, check_quantities
 from obsplan.surveys.reference import Reference
 
 
@@ -20,27 +21,20 @@ class Lawnmower:
         legs, length or spacing not positive, or a number that is not finite.
     """
 
-    legs: Annotated[int, "number of parallel legs"]
-    length: Annotated[float, "length of each leg [m]"]
-    spacing: Annotated[float, "distance between neighbouring legs [m]"]
+    legs: Annotated[int, "number of parallel legs", LEGS]
+    length: Annotated[float, "length of each leg [m]", LENGTH]
+    spacing: Annotated[float, "distance between neighbouring legs [m]", LENGTH]
     heading: Annotated[float, "heading of the first leg [rad], counter-clockwise from east"] = 0.0
-    x: Annotated[float, "start of the first leg, east [m]"] = 0.0
-    y: Annotated[float, "start of the first leg, north [m]"] = 0.0
+    x: Annotated[float, "start of the first leg, east [m]", POSITION] = 0.0
+    y: Annotated[float, "start of the first leg, north [m]", POSITION] = 0.0
     side: Annotated[
         Literal["left", "right"], "side of the first leg on which the others are laid"
     ] = "left"
 
     def __post_init__(self):
-        if self.legs < 1:
-            raise ValueError(f"legs must be at least 1, got {self.legs}")
-        for name in ("length", "spacing"):
-            value = getattr(self, name)
-            if not 0 < value < math.inf:
-                raise ValueError(f"{name} must be positive and finite [m], got {value}")
-        for name, unit in (("heading", "rad"), ("x", "m"), ("y", "m")):
-            value = getattr(self, name)
-            if not math.isfinite(value):
-                raise ValueError(f"{name} must be finite [{unit}], got {value}")
+        check_quantities(self)
+        if not math.isfinite(self.heading):
+            raise ValueError(f"heading must be finite [rad], got {self.heading}")
 
     def vertices(self) -> Float[np.ndarray, "n 2"]:
         """Both ends of every leg, in the order they are passed, east and north [m]."""

@@ -8,11 +8,12 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from obsplan.quantities import AUV_SPEED, HOLD
+
 SHORTEST_LEG = (
     1e-3  # [m]; below it two waypoints are one: a mission file resolves about 1 cm (1e-7 degrees)
 )
-SLOWEST, FASTEST = 1e-3, 10.0  # [m/s]; slower is a station, and no survey AUV is faster
-LONGEST_HOLD = 86_400.0  # [s]; a vehicle that waits for more than a day is moored
+SLOWEST, FASTEST = 1e-3, AUV_SPEED.greatest  # [m/s]; slower is a station
 
 
 def check_polyline(polyline: Float[np.ndarray, "n 2"]) -> None:
@@ -59,7 +60,7 @@ def check_speeds(speeds: Sequence[float] | np.ndarray, legs: int) -> None:
 
 
 def check_holds(holds: Sequence[float] | np.ndarray, vertices: int) -> None:
-    """Refuse waiting times [s] that are not one for each vertex, from 0 to `LONGEST_HOLD`.
+    """Refuse waiting times [s] that are not one for each vertex, in the range `HOLD`.
 
     Raises
     ------
@@ -69,9 +70,9 @@ def check_holds(holds: Sequence[float] | np.ndarray, vertices: int) -> None:
     if len(holds) != vertices:
         raise ValueError(f"holds must be one for each of the {vertices} points, got {len(holds)}")
     for i, hold in enumerate(holds):
-        if not 0 <= hold <= LONGEST_HOLD:
+        if hold not in HOLD:
             raise ValueError(
-                f"holds[{i}] must be from 0 s to {LONGEST_HOLD:.0f} s, a day, got {hold}: "
+                f"holds[{i}] must be from 0 s to {HOLD.greatest:.0f} s, a day, got {hold}: "
                 'correct it; to stay at a point for good use kind "static"'
             )
 
@@ -139,9 +140,10 @@ class Reference:
             raise ValueError("the survey moves and has no speed: give the AUV a speed [m/s]")
         if isinstance(self.speed, np.ndarray):
             check_speeds(self.speed, len(self.polyline) - 1)
-        elif not 0 < self.speed < math.inf:
+        elif not SLOWEST <= self.speed <= FASTEST:
             raise ValueError(
-                f"speed of a survey that moves must be positive and finite [m/s], got {self.speed}"
+                f"speed of a survey that moves must be from {SLOWEST} m/s, less being a station, "
+                f"to {FASTEST} m/s, which no survey AUV exceeds, got {self.speed}: correct it"
             )
 
     def _check_current(self) -> None:

@@ -7,6 +7,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float
 
+from obsplan.quantities import POSITION, check_quantities
 from obsplan.surveys.reference import Reference
 
 
@@ -20,17 +21,16 @@ class Static:
         A number that is not finite.
     """
 
-    x: Annotated[float, "east [m]"] = 0.0
-    y: Annotated[float, "north [m]"] = 0.0
+    x: Annotated[float, "east [m]", POSITION] = 0.0
+    y: Annotated[float, "north [m]", POSITION] = 0.0
     heading: Annotated[
         float, "heading while there is no current [rad], counter-clockwise from east"
     ] = 0.0
 
     def __post_init__(self):
-        for name, unit in (("x", "m"), ("y", "m"), ("heading", "rad")):
-            value = getattr(self, name)
-            if not math.isfinite(value):
-                raise ValueError(f"{name} must be finite [{unit}], got {value}")
+        check_quantities(self)
+        if not math.isfinite(self.heading):
+            raise ValueError(f"heading must be finite [rad], got {self.heading}")
 
     def vertices(self) -> Float[np.ndarray, "n 2"]:
         """The one point, east and north [m]."""

@@ -45,7 +45,8 @@ def parse_wkt(text: str, where: str) -> "BaseGeometry":
             f"{where} is in EPSG:{srid[1][:10]}, not WGS 84: export it again in WGS 84 (EPSG:4326)"
         )
     try:
-        with np.errstate(over="ignore"):  # numbers beyond floats are refused as not finite
+        # numbers beyond floats are refused as not finite
+        with np.errstate(over="ignore", invalid="ignore"):
             return shapely.from_wkt(text[srid.end() :] if srid else text)
     except shapely.GEOSException as error:
         raise ObsplanError(f"{where} is no WKT, got {text[:40]!r}: correct it") from error

@@ -12,10 +12,10 @@ from obsplan.files import write_atomically
 from obsplan.missions.mission import Mission, Point, Track
 from obsplan.missions.writers.checks import check_geographic
 from obsplan.missions.writers.times import stamps
+from obsplan.spelling import inert
 
 COLUMNS = ("name", "time_s", "lat", "lon", "x_m", "y_m", "speed_mps")
 METRES = 3  # decimals
-FORMULA = ("=", "+", "-", "@", "\t", "\r")  # what a cell begins with that a spreadsheet executes
 
 
 def write_csv(path: Path | str, mission: Mission, *, origin: Point | None = None) -> None:
@@ -59,8 +59,3 @@ def _rows(track: Track, origin: Point) -> Iterator[list[str]]:
 
 def _cell(value: float) -> str:
     return f"{value:.6g}" if np.isfinite(value) else ""
-
-
-def inert(name: str) -> str:
-    """A name that no spreadsheet takes for a formula."""
-    return f"'{name}" if name.startswith(FORMULA) else name

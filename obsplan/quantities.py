@@ -1,0 +1,134 @@
+"""What a number that a user gives may be: a range, its unit, and the reason for it, each once.
+
+A field of a table, or of a dataclass that stands for one, carries its `Quantity` in its type,
+``Annotated[float, "length [m]", LENGTH]``. The tables check it when a file is read, the
+dataclasses by `check_quantities` when they are made.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """From the least to the greatest number allowed, both included, and why there is an end."""
+
+    least: float | int
+    greatest: float | int
+    unit: str
+    reason: str
+
+    def __str__(self) -> str:
+        unit = f" {self.unit}" if self.unit else ""
+        return f"from {self.least:g} to {plain_digits(self.greatest)}{unit} ({self.reason})"
+
+    def __contains__(self, value: object) -> bool:
+        """Whether a number is in the range; nan never is."""
+        return isinstance(value, int | float) and bool(self.least <= value <= self.greatest)
+
+    def check(self, value: Any) -> Any:
+        """Give back None, or a number in the range.
+
+        Raises
+        ------
+        ValueError
+            One sentence with the range, the reason and the remedy.
+        """
+        if value is not None and value not in self:
+            raise ValueError(f"must be {self}: correct it")
+        return value
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_after_validator_function(self.check, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        return handler(schema) | {"minimum": self.least, "maximum": self.greatest}
+
+
+def plain_digits(value: float | int) -> str:
+    """A limit as people write it, without an exponent."""
+    return f"{value:g}" if value < 1e6 else f"{value:.0f}"
+
+
+def quantity_of(hint: Any) -> Quantity | None:
+    """The first quantity in a type, also in that of a list's entries."""
+    if get_origin(hint) is Annotated:
+        marks = (mark for mark in hint.__metadata__ if isinstance(mark, Quantity))
+        found = next(marks, None)
+        return found or quantity_of(get_args(hint)[0])
+    return next((found for part in get_args(hint) if (found := quantity_of(part))), None)
+
+
+def check_quantities(made: object) -> None:
+    """Refuse a number that is out of the range its dataclass's field has.
+
+    Raises
+    ------
+    ValueError
+        Naming the field, the range and the value.
+    """
+    for name, quantity in _quantities(type(made)).items():
+        value = getattr(made, name)
+        for number in value if isinstance(value, tuple) else (value,):
+            if number is not None and number not in quantity:
+                raise ValueError(f"{name} must be {quantity}, got {number}")
+
+
+@lru_cache(maxsize=64)
+def _quantities(cls: type) -> dict[str, Quantity]:
+    hints = get_type_hints(cls, include_extras=True)
+    found = {name: quantity_of(hint) for name, hint in hints.items()}
+    return {name: quantity for name, quantity in found.items() if quantity is not None}
+
+
+# places and lengths
+POSITION = Quantity(-100e3, 100e3, "m", "the map ends 100 km from the origin")
+LENGTH = Quantity(1e-3, 100e3, "m", "a millimetre to what the map holds")
+DISTANCE = Quantity(0.0, 100e3, "m", "what the map holds")
+TURN_RADIUS = Quantity(0.01, 10e3, "m", "a model boat's to more than any ship's")
+BEARING = Quantity(-3600.0, 3600.0, "degrees", "more than ten turns say no more than one")
+
+# motion
+VESSEL_SPEED = Quantity(1e-3, 50.0, "m/s", "slower is a station, and no vessel is faster")
+AUV_SPEED = Quantity(0.0, 10.0, "m/s", "no survey AUV is faster")
+CURRENT = Quantity(-10.0, 10.0, "m/s", "no tidal stream is faster")
+TURN_ACCELERATION = Quantity(1e-6, 100.0, "rad/s^2", "no vessel turns harder")
+
+# time
+TIME_STEP = Quantity(1e-3, 60.0, "s", "a millisecond to a minute, in which a vehicle turns")
+DURATION = Quantity(1e-3, 2_678_400.0, "s", "up to a month")
+INTERVAL = Quantity(1e-3, 86_400.0, "s", "a millisecond to a day")
+HOLD = Quantity(0.0, 86_400.0, "s", "who waits for more than a day is moored")
+
+# errors, as standard deviations
+RANGE_SIGMA = Quantity(1e-3, 100e3, "m", "no acoustic range is better than a millimetre")
+SQUARED_RANGE_SIGMA = Quantity(
+    1e-3, 10e9, "m^2", "that of a millimetre at half a metre, to the square of what the map holds"
+)
+COMPASS_SIGMA = Quantity(1e-3, 180.0, "degrees", "no compass is better than 0.001 degrees")
+ANGLE_SIGMA = Quantity(0.0, 360.0, "degrees", "a whole turn is to know nothing")
+SPEED_SIGMA = Quantity(0.0, 50.0, "m/s", "no vessel is faster")
+POSITION_WALK = Quantity(0.0, 100.0, "m/sqrt(s)", "100 m in a second is no dead reckoning")
+SPEED_WALK = Quantity(0.0, 10.0, "m/s/sqrt(s)", "no survey AUV is faster than that")
+
+# weights without a unit
+WEIGHT = Quantity(0.0, 1e6, "", "a weight of a million leaves the others no say")
+
+CHANGE_WEIGHT = Quantity(0.0, 1e9, "", "what is penalised more does not change")
+CIRCLES = Quantity(0.01, 1000.0, "", "a share of one to what takes an hour")
+
+# counts
+SEED = Quantity(0, 2**53 - 1, "", "whole numbers that every program can read")
+WHOLE = Quantity(-(2**53) + 1, 2**53 - 1, "", "whole numbers that every program can read")
+LEGS = Quantity(1, 10_000, "", "a survey of more takes weeks")
+CANDIDATES = Quantity(2, 1001, "", "more candidate turns differ by less than a rudder does")
+BRANCHES = Quantity(3, 201, "", "more candidate turns differ by less than a rudder does")
+STAGES = Quantity(1, 200, "", "more are not looked ahead in the time of a decision")
+TURNS = Quantity(2, 100, "", "a program with more is not solved in the time of a decision")
+BEAM_WIDTH = Quantity(1, 10_000, "", "more are not kept in the time of a decision")
+STARTS = Quantity(1, 10_000, "", "more take days")
+ITERATIONS = Quantity(1, 100_000, "", "what has not converged by then does not")
+RUNS = Quantity(1, 1_000_000, "", "more are flown by nobody")
