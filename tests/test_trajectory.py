@@ -16,7 +16,7 @@ from formulations.solution import Status
 from formulations.trajectory import Controls, PathLimits, Task, convex_areas, freer_side, optimise
 from formulations.trajectory.expressions import Shape, limits
 from formulations.trajectory.program import Answer, Program, program
-from formulations.trajectory.search import TOLERANCE
+from formulations.trajectory.search import ENOUGH, TOLERANCE
 
 DISC = np.array([2.5, 1.0, 1.0])
 SPEED, LIMIT, RADIUS = 1.0, 2.0, 0.5
@@ -462,6 +462,48 @@ def test_solver_that_raises_is_a_failed_attempt(monkeypatch):
     task, limits = example()
     monkeypatch.setattr(Program, "_solver", lambda *_: broken)
     assert optimise(task, "log-det", limits=limits).status == Status.BEST_MANOEUVRE
+
+
+@pytest.mark.parametrize("enough", [True, False])
+def test_no_start_is_begun_once_there_is_an_answer_and_enough_was_done(enough, monkeypatch):
+    begun = []
+
+    def answered(_program, _solver, start, *_, **__):
+        begun.append(start)
+        return Answer(start, ENOUGH if enough else 1)
+
+    task, limits = example()
+    monkeypatch.setattr(Program, "solve", answered)
+    assert optimise(task, "log-det", limits=limits).status == Status.OPTIMAL
+    assert (len(begun) == 1) == enough
+
+
+class Slow:
+    """A solver that takes a second an iteration and does not succeed."""
+
+    def __call__(self, **_):
+        return {}
+
+    def stats(self):
+        return {"success": False, "iter_count": 1, "t_wall_total": 1.0}
+
+
+def test_solvers_end_after_as_many_iterations_as_there_is_time_for(monkeypatch):
+    asked = []
+
+    def solver(_program, name, iterations):
+        asked.append((name, iterations))
+        return Slow()
+
+    task = task_of((2.0, -3.0, 0.7), [(0.0, 0.0)], N=2)
+    monkeypatch.setattr(Program, "_solver", solver)
+    optimise(task, "log-det", max_iterations=96)
+    for seconds, most in ((np.inf, 96), (200.0, 96), (60.0, 48), (13.0, 12), (11.0, 0)):
+        asked.clear()
+        left = lambda seconds=seconds: seconds  # noqa: E731
+        found = optimise(task, "log-det", max_iterations=96, seconds_left=left)
+        assert found.status == Status.BEST_MANOEUVRE
+        assert set(asked) == ({("fatrop", most), ("ipopt", most)} if most else set())
 
 
 def test_nothing_is_begun_in_a_hurry():

@@ -12,7 +12,7 @@ from test_planners import beliefs, rotation, world
 
 import obsplan as op
 from formulations.solution import Status
-from formulations.trajectory.program import program
+from formulations.trajectory.program import Answer, Program, program
 from obsplan.constraints import Constraints, Disc, Polygon
 
 TURN_TOLERANCE = (
@@ -364,3 +364,28 @@ def test_decisions_of_a_mission_build_no_program():
     assert built > 0
     op.simulate(mission, planner=planner)
     assert program.cache_info().misses == built
+
+
+@pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
+def test_no_decision_compiles_anything_after_a_build_for_as_many_auvs(solver, monkeypatch):
+    """Nor where fatrop fails and IPOPT is asked, nor where time is short."""
+    pose, legs = world(np.random.default_rng(3))
+    asked = planner(objective="log-det", stages=4, deadline=60.0)
+    for count in (1, 2):
+        asked.build(pose, beliefs(legs)[:count])
+
+    def compiled(*_):
+        raise AssertionError
+
+    solve = Program.solve
+
+    def only(self, name, *given, **_):
+        if name != solver:
+            return Answer(None)
+        rushed = [solve(self, name, *given, seconds=2.0**-k) for k in range(12)]
+        return rushed[0]
+
+    monkeypatch.setattr("formulations.trajectory.program.ca.nlpsol", compiled)
+    monkeypatch.setattr(Program, "solve", only)
+    for count in (1, 2):
+        assert asked.plan(pose, beliefs(legs)[:count]).status in RUNGS

@@ -33,6 +33,7 @@ MOST_INFEASIBLE = 1.0
 MOST_OF_MOMENTS = 100.0
 SLACK_START = 1e-2  # above what the guess needs: interior
 SOLVERS = ("fatrop", "ipopt")  # the one that knows the stages; the one that is slower, fails less
+FIRST_PACE = 1e-2  # [s]; what an iteration may take before one was timed
 HALVINGS = 3  # of the iterations allowed, so that less time is enough
 
 
@@ -156,14 +157,10 @@ class Program:
     def _affordable(self, name: str, seconds: float) -> int:
         """The most iterations that a solver can do in a time; 0: none.
 
-        An iteration takes as long as those of its last answer. Before the first one, fewest are
-        tried.
+        An iteration takes as long as those of its last answer.
         """
-        if seconds == np.inf:
-            return self.max_iterations
-        if name not in self._pace:
-            return self._allowed[-1]
-        fitting = [n for n in self._allowed if n * self._pace[name] <= seconds]
+        pace = self._pace.get(name, FIRST_PACE)
+        fitting = [n for n in self._allowed if n * pace <= seconds]
         return max(fitting, default=0)
 
     def _solver(self, name: str, iterations: int) -> ca.Function:
