@@ -13,7 +13,8 @@ from campaigns import finish, start, wait_until, write_scenario
 
 from obsplan import ObsplanError, load_campaign
 from obsplan.campaign import fly_campaign, plan_cells
-from obsplan.campaign.store import FILE, TABLES, Store
+from obsplan.campaign.faults import FILE, TABLES
+from obsplan.campaign.store import Store
 
 SCRIPT = """
 from obsplan.campaign import fly_campaign, plan_cells

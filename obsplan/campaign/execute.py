@@ -14,9 +14,11 @@ from typing import Any, Protocol, runtime_checkable
 import obsplan
 from obsplan.campaign.cluster import remote
 from obsplan.campaign.code import code_hash
+from obsplan.campaign.faults import FILE, is_begun_store, no_store
+from obsplan.campaign.integrity import Damage
 from obsplan.campaign.plan import Cell
 from obsplan.campaign.processes import end_if_worker, local
-from obsplan.campaign.store import FILE, Store, no_store
+from obsplan.campaign.store import Store
 from obsplan.campaign.table import export
 from obsplan.campaign.worker import Batch, Flown, Outcome, failed
 from obsplan.files import write_atomically
@@ -42,6 +44,7 @@ class Report:
     failed: int  # of all planned
     failures: list[tuple[Cell, int, str]]  # the first of them: cell, seed, reason
     set_aside: int  # in the store, but of other code or scenarios since changed: not in the table
+    damage: Damage | None = None  # found in the store before; what was planned is flown again
 
 
 def fly_campaign(
@@ -55,7 +58,7 @@ def fly_campaign(
     """Fly what a folder's store lacks of the cells, keep it, and export the table.
 
     Everything finished stays, whatever ends the campaign; the same call goes on from there.
-    Missions that failed are flown again.
+    Missions that failed are flown again, and those whose results were damaged since.
 
     Parameters
     ----------
@@ -77,6 +80,7 @@ def fly_campaign(
     end_if_worker()
     folder = claimed(Path(folder))
     with Store(folder) as store:
+        damage = store.mend()
         numbers = store.enter(cells)
         planned = [*zip(numbers, cells, strict=True)]
         missing = lacking(store, planned)
@@ -98,6 +102,7 @@ def fly_campaign(
             failed=sum(lacking(store, planned)),
             failures=[*islice(failures(store, planned), MOST_LISTED)],
             set_aside=store.set_aside(),
+            damage=damage,
         )
 
 
@@ -143,7 +148,7 @@ def claimed(folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         # looked at once: another campaign may be making its store
-        inside = {path.name for path in folder.iterdir()}
+        inside = {path.name for path in folder.iterdir() if not is_begun_store(path.name)}
         if inside and FILE not in inside:
             raise no_store(
                 folder, "holds something that is not a campaign", "give another folder with --out"
