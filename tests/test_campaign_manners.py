@@ -1,7 +1,6 @@
 """What a campaign says when its script, store or user is in the way: one sentence."""
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -9,7 +8,7 @@ import time
 
 import psutil
 import pytest
-from campaigns import finish, start, wait_until, write_scenario
+from campaigns import finish, start, wait_until, without_rights, write_scenario
 
 from obsplan import ObsplanError, load_campaign
 from obsplan.campaign import fly_campaign, plan_cells
@@ -118,15 +117,6 @@ def test_store_that_is_a_folder_is_named_as_one(flown):
     for use in (lambda: fly_campaign(cells, folder), lambda: load_campaign(folder)):
         with pytest.raises(ObsplanError, match=r"campaign.sqlite: is a folder, .* choose another"):
             use()
-
-
-def without_rights(line):
-    """A command that, unlike root, is kept to what files' permissions say."""
-    if os.geteuid() != 0:
-        return line
-    if not shutil.which("setpriv"):
-        pytest.skip("root may write anywhere")
-    return ["setpriv", "--bounding-set", "-dac_override,-dac_read_search", *line]
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from obsplan.campaign.cluster import remote
 from obsplan.campaign.code import code_hash
 from obsplan.campaign.faults import FILE, is_begun_store, no_store
 from obsplan.campaign.integrity import Damage
+from obsplan.campaign.lock import held
 from obsplan.campaign.plan import Cell
 from obsplan.campaign.processes import end_if_worker, local
 from obsplan.campaign.store import Store
@@ -74,12 +75,12 @@ def fly_campaign(
     Raises
     ------
     ObsplanError
-        The folder cannot be used, the cluster is not there, or its workers have another copy of
-        obsplan.
+        The folder cannot be used or another campaign is at work in it, the cluster is not there,
+        or its workers have another copy of obsplan.
     """
     end_if_worker()
     folder = claimed(Path(folder))
-    with Store(folder) as store:
+    with Store(folder) as store, held(folder):
         damage = store.mend()
         numbers = store.enter(cells)
         planned = [*zip(numbers, cells, strict=True)]

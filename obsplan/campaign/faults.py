@@ -47,6 +47,8 @@ def placed_wrong(path: Path, fault: str) -> str | None:
             "was moved or removed while the campaign ran; "
             "put it back, and the same command goes on from there"
         )
+    if fault == "SQLITE_READONLY_ROLLBACK":
+        return "holds half a commit, which is undone where it may be written: copy its whole folder"
     if not fault.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM")):
         return None
     if path.is_dir():
@@ -68,7 +70,7 @@ def remedy(fault: str) -> str:
         "SQLITE_IOERR": f"see that the disk has space and works: {kept}",
         "SQLITE_READONLY": "make it and its folder writable, or choose another folder",
         "SQLITE_CANTOPEN": "make its folder writable, or choose another folder",
-        "SQLITE_NOTADB": "it is no campaign's, or damaged: choose another folder, or a copy of it",
+        "SQLITE_NOTADB": "it is no campaign's, or damaged: choose another folder, or a copy",
         "SQLITE_CORRUPT": "it is damaged beyond mending: put a copy of it back, or remove it",
         "SQLITE_BUSY": "another program keeps it locked: end that one",
     }

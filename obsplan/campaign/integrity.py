@@ -31,7 +31,7 @@ class Damage:
 
     @property
     def sentence(self) -> str:
-        """What a user has to know."""
+        """What a user has to know, after "is" or "was"."""
         if self.lost is None:
             what = f"an unknown number of missions, besides {self.kept} that are sound"
         else:
@@ -39,7 +39,7 @@ class Damage:
         if self.lost == 0:
             what = f"none of its {self.kept} missions, but what lies beside them"
         structure = f"; SQLite says: {self.structure}" if self.structure else ""
-        return f"is damaged: {what}{structure}"
+        return f"damaged: {what}{structure}"
 
 
 def damage_of(connection: sqlite3.Connection) -> Damage | None:

@@ -96,6 +96,8 @@ class Store:
 
     def _recognise(self) -> None:
         """Refuse what is no store, or one of another version."""
+        # nothing is written there: it lets a file that was cut be opened, and saved in part
+        self._connection.execute("PRAGMA writable_schema = ON")
         if self._one("PRAGMA application_id") == FORMAT:
             tables = "SELECT sql FROM sqlite_master WHERE sql IS NOT NULL ORDER BY rowid"
             if tuple(sql for (sql,) in self._connection.execute(tables)) == LAYOUT:
@@ -121,8 +123,8 @@ class Store:
         damage = self.damage()
         if damage is not None:
             raise ObsplanError(
-                f"{self.path} {damage.sentence}; the campaign's command flies again what is lost, "
-                "and `obsplan campaign-check --mend` leaves it out"
+                f"{self.path} is {damage.sentence}; the campaign's command flies again what is "
+                "lost, and `obsplan campaign-check --mend` leaves it out"
             )
 
     def mend(self) -> Damage | None:
@@ -224,6 +226,12 @@ class Store:
         )
         return self._all(failed, cell, seeds[0], seeds[-1])
 
+    def size(self) -> tuple[int, int]:
+        """Number of missions and of cells, whatever became of them."""
+        counted = "SELECT (SELECT count(*) FROM mission), (SELECT count(*) FROM cell)"
+        missions, cells = self._all(counted)[0]
+        return missions, cells
+
     def current_cells(self) -> list[tuple[int, str, str, dict[str, Any]]]:
         """Number, scenario, planner and content of the cells of scenarios as last planned."""
         rows = self._all(f"SELECT id, cell.scenario, planner, content FROM {CURRENT}")
@@ -311,8 +319,15 @@ class Store:
             yield
         except sqlite3.Error as error:
             fault = getattr(error, "sqlite_errorname", "")
-            told = placed_wrong(self.path, fault) or f"{error}; {remedy(fault)}"
+            told = placed_wrong(self.path, fault) or f"{printable(str(error))}; {remedy(fault)}"
             raise ObsplanError(f"{self.path}: {told}") from error
+        except UnicodeDecodeError as error:  # SQLite quotes what is damaged
+            raise ObsplanError(f"{self.path}: {remedy('SQLITE_CORRUPT')}") from error
+
+
+def printable(text: str) -> str:
+    """A text without what a terminal would obey."""
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def decoded(text: bytes) -> str:

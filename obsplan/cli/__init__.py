@@ -8,13 +8,13 @@ from typing import Annotated
 
 import typer
 
-from obsplan.cli.campaigns import campaign, campaign_report
+from obsplan.cli.campaigns import campaign, campaign_check, campaign_report
 from obsplan.cli.commands import compare, new, run, scenarios, schema, thesis
 from obsplan.cli.terminal import INTERRUPTED, WRONG_INPUT, complain, open_door, put, say
 
 __all__ = ["main"]
 
-COMMANDS = (run, compare, campaign, campaign_report, thesis, new, scenarios, schema)
+COMMANDS = (run, compare, campaign, campaign_check, campaign_report, thesis, new, scenarios, schema)
 EPILOG = (
     "Exit codes: 0 done; 2 what was given is wrong, and one sentence says what; "
     "3 some missions of a campaign failed; 130 interrupted by Ctrl-C."
