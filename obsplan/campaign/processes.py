@@ -5,19 +5,20 @@ file to connect to, and so no password to keep.
 """
 
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing import current_process, get_context, parent_process
+from multiprocessing import current_process, get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from queue import SimpleQueue
 from threading import Lock, Thread
 
 from obsplan.campaign.worker import Batch, Flown, fly_batch
-from obsplan.signals import deaf, ignore_stops
+from obsplan.signals import STOPS, ignore_stops
 from obsplan.types import ObsplanError
 
 TRIES = 3  # of a batch whose worker dies
@@ -144,6 +145,20 @@ def local(number: int) -> Iterator[Processes]:
         yield processes
     finally:
         processes.end()
+
+
+@contextmanager
+def deaf() -> Iterator[None]:
+    """Hold back signals that ask to end, also from processes started meanwhile."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # which would let Ctrl-C through again if it began only now
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def serve(pipe: Connection) -> None:

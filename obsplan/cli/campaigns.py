@@ -8,7 +8,8 @@ import typer
 
 from obsplan.cli.arguments import named, planner_names, scenario_names
 from obsplan.cli.progress import progress
-from obsplan.cli.terminal import SOME_FAILED, complain, keeping, say, say_next, say_written, show
+from obsplan.cli.stopping import keeping
+from obsplan.cli.terminal import SOME_FAILED, complain, say, say_next, say_written, show
 
 if TYPE_CHECKING:
     from obsplan.campaign.plan import Cell
