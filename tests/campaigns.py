@@ -23,7 +23,7 @@ ranging = {{ interval = 2.0, sigma = {sigma} }}
 [[auv]]
 name = "alpha"
 speed = 1.0
-survey = {{ kind = "lawnmower", legs = 2, length = 40.0, spacing = 10.0 }}
+survey = {{ kind = "lawnmower", legs = 2, length = {length}, spacing = 10.0 }}
 first_estimate = {{ sigma_position = 2.0 }}
 process_noise = {{ position = 0.02, speed = 0.01 }}
 """
@@ -33,9 +33,9 @@ TABLES = ("campaign.csv", "campaign.parquet")
 LOOPBACK = ["--host", "127.0.0.1", "--no-dashboard"]
 
 
-def write_scenario(folder, *, duration=60.0, sigma=1.0, name="pond.toml"):
+def write_scenario(folder, *, duration=60.0, sigma=1.0, length=40.0, name="pond.toml"):
     path = Path(folder) / name
-    path.write_text(SCENARIO.format(duration=duration, sigma=sigma))
+    path.write_text(SCENARIO.format(duration=duration, sigma=sigma, length=length))
     return str(path)
 
 
