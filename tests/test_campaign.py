@@ -15,7 +15,9 @@ from obsplan import load_campaign
 from obsplan.campaign import fly_campaign, plan_cells
 from obsplan.campaign import store as store_module
 from obsplan.campaign import table as table_module
-from obsplan.campaign.store import FIGURES, FILE, Store
+from obsplan.campaign.faults import FILE
+from obsplan.campaign.layout import FIGURES
+from obsplan.campaign.store import Store
 from obsplan.campaign.table import look_up, uniform
 from obsplan.campaign.worker import Outcome
 from obsplan.scenario import load
@@ -289,9 +291,9 @@ def test_read_only_store_is_one_sentence_and_can_still_be_read(
     fly_campaign(plan_cells([pond], runs=2), tmp_path / "out", scheduler=address)
     connect = sqlite3.connect
 
-    def read_only(path, **options):
+    def read_only(place, **options):
         """As for a user without the right to write."""
-        return connect(f"file:{path}?mode=ro", uri=True, **options)
+        return connect(place.replace("mode=rw", "mode=ro"), **options)
 
     monkeypatch.setattr(store_module.sqlite3, "connect", read_only)
     with pytest.raises(

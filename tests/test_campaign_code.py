@@ -1,6 +1,5 @@
 """The code that flies is part of a campaign's key: what can change a mission, and nothing else."""
 
-import asyncio
 import shutil
 import sys
 from pathlib import Path
@@ -12,7 +11,7 @@ import formulations
 import obsplan
 from obsplan.campaign import plan_cells
 from obsplan.campaign.code import code_hash, hash_of, sources
-from obsplan.campaign.execute import Report, brought
+from obsplan.campaign.execute import Report, check_same_copy
 from obsplan.campaign.store import Store
 from obsplan.campaign.worker import Batch, Flown, Outcome, fly_mission
 from obsplan.cli.campaigns import fly
@@ -112,19 +111,6 @@ def test_missions_that_are_not_in_the_table_are_told_of(tmp_path, monkeypatch, c
     assert "40 earlier ones are kept but not in the table: other code or another version" in told
 
 
-class Elsewhere:
-    """A client whose workers have their own copy of obsplan."""
-
-    def __init__(self, version, code):
-        self.flown = Flown([FLOWN], 0.0, version, code)
-
-    def submit(self, *_, **__):
-        return self
-
-    async def gather(self, *_, **__):
-        return self.flown
-
-
 @pytest.mark.parametrize(
     ("version", "code", "sentence"),
     [
@@ -135,8 +121,6 @@ class Elsewhere:
 def test_worker_of_another_version_or_other_code_is_refused_by_what_differs(
     version, code, sentence
 ):
-    batch = Batch(1, "{}", (1,), False)
     with pytest.raises(ObsplanError, match=sentence):
-        asyncio.run(brought(Elsewhere(version, code), batch))
-    same = Elsewhere(obsplan.__version__, code_hash())
-    assert asyncio.run(brought(same, batch)) == same.flown
+        check_same_copy(Flown([FLOWN], 0.0, version, code))
+    check_same_copy(Flown([FLOWN], 0.0, obsplan.__version__, code_hash()))

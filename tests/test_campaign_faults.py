@@ -184,10 +184,14 @@ def test_without_a_compiler_a_message_and_the_same_table(tmp_path, arguments, un
 
 
 @pytest.mark.slow
-def test_two_campaigns_at_once_into_one_store_are_safe(tmp_path, arguments, undisturbed):
-    both = [start(*arguments, tmp_path, "--workers", 1) for _ in range(2)]
-    for process in both:
-        finish(process)
+def test_second_campaign_into_one_store_is_refused_and_harms_nothing(
+    tmp_path, arguments, undisturbed
+):
+    first = start(*arguments, tmp_path, "--workers", 1)
+    wait_until(lambda: flown(tmp_path) > 0)
+    _, err = finish(start(*arguments, tmp_path, "--workers", 1), code=2)
+    assert f"another campaign is at work in {tmp_path} (process {first.pid} on " in err
+    finish(first)
     assert sound(tmp_path)
     assert tables(tmp_path) == undisturbed
 

@@ -9,9 +9,11 @@ from campaigns import wait_until, write_scenario
 from distributed import Client, KilledWorker, LocalCluster
 
 import obsplan
-from obsplan.campaign import execute, plan_cells
+from obsplan.campaign import cluster as cluster_module
+from obsplan.campaign import plan_cells
+from obsplan.campaign.cluster import Cluster, brought
 from obsplan.campaign.code import code_hash
-from obsplan.campaign.execute import Flight, brought
+from obsplan.campaign.execute import Flight
 from obsplan.campaign.store import Store
 from obsplan.campaign.worker import Batch, Flown, Outcome
 from obsplan.types import ObsplanError
@@ -36,7 +38,7 @@ def pool():
 
 def test_worker_that_dies_with_finished_results_costs_none(tmp_path, pool, monkeypatch):
     cluster, client = pool
-    monkeypatch.setattr(execute, "fly_batch", fly_nothing)
+    monkeypatch.setattr(cluster_module, "fly_batch", fly_nothing)
     deaths = []
 
     def kill_once(done, todo, _):
@@ -52,7 +54,7 @@ def test_worker_that_dies_with_finished_results_costs_none(tmp_path, pool, monke
 
     with Store(tmp_path) as store:
         (number,) = store.enter(plan_cells([write_scenario(tmp_path, duration=10.0)], runs=20))
-        flight = Flight(client=client, store=store, progress=kill_once, todo=20)
+        flight = Flight(crew=Cluster(client), store=store, progress=kill_once, todo=20)
         flight.drive((Batch(number, "{}", (seed,), False) for seed in range(20)), pytest.fail)
         assert store.count(number, range(20)) == 20
     assert deaths

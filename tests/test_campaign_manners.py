@@ -1,19 +1,21 @@
 """What a campaign says when its script, store or user is in the way: one sentence."""
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 
 import psutil
 import pytest
-from campaigns import finish, start, wait_until, write_scenario
+from campaigns import finish, start, wait_until, without_rights, write_scenario
 
 from obsplan import ObsplanError, load_campaign
 from obsplan.campaign import fly_campaign, plan_cells
-from obsplan.campaign.store import FILE, TABLES, Store
+from obsplan.campaign.faults import FILE, TABLES
+from obsplan.campaign.store import Store
+from obsplan.campaign.table import existing_store
 
 SCRIPT = """
 from obsplan.campaign import fly_campaign, plan_cells
@@ -119,15 +121,6 @@ def test_store_that_is_a_folder_is_named_as_one(flown):
             use()
 
 
-def without_rights(line):
-    """A command that, unlike root, is kept to what files' permissions say."""
-    if os.geteuid() != 0:
-        return line
-    if not shutil.which("setpriv"):
-        pytest.skip("root may write anywhere")
-    return ["setpriv", "--bounding-set", "-dac_override,-dac_read_search", *line]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("file_mode", "folder_mode", "sentence"),
@@ -164,3 +157,64 @@ def test_store_that_is_moved_while_the_campaign_runs_is_named_as_moved(tmp_path)
     _, err = finish(process, code=2)
     assert err.count("\n") == 1
     assert f"{FILE}: was moved or removed while the campaign ran; put it back, and" in err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("number", "name"), [(signal.SIGTERM, "SIGTERM"), (signal.SIGHUP, "SIGHUP")]
+)
+def test_campaign_that_is_told_to_end_keeps_what_it_has_and_takes_its_workers_along(
+    tmp_path, number, name
+):
+    line = [write_scenario(tmp_path, duration=10.0), "--workers", 2, "--out", tmp_path / "out"]
+    process = start(*line, "--runs", 20_000)
+    wait_until(lambda: missions_in(tmp_path / "out") > 0)
+    workers = children(process)
+    process.send_signal(number)
+    out, err = finish(process, code=128 + number)
+    assert out == ""
+    assert err == (
+        f"obsplan: ended by {name}; what is finished is kept in {tmp_path / 'out'}, "
+        "and the same command goes on from there\n"
+    )
+    assert len(workers) == 2
+    assert not any(worker.is_running() for worker in workers)
+    assert [path.name for path in (tmp_path / "out").iterdir()] == [FILE]
+
+
+def missions_in(folder):
+    """Missions kept so far, read beside the campaign."""
+    with suppress(ObsplanError), existing_store(folder) as store:
+        return store.size()[0]
+    return 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["run", "compare"])
+def test_flight_that_is_told_to_end_leaves_nothing(tmp_path, command):
+    write_scenario(tmp_path, duration=86_400.0, length=40_000.0)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "obsplan", command, "pond.toml"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    time.sleep(2.5)
+    process.send_signal(signal.SIGTERM)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out) == (143, "")
+    assert err == "obsplan: ended by SIGTERM; nothing was written\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["pond.toml"]
+
+
+def test_signal_that_is_ignored_already_stays_ignored():
+    """As `nohup` has it."""
+    code = (
+        "import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN); "
+        "from obsplan.cli.stopping import listen; listen(); "
+        "print(signal.getsignal(signal.SIGHUP) is signal.SIG_IGN, "
+        "signal.getsignal(signal.SIGTERM) is signal.SIG_DFL)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "True False\n"

@@ -12,6 +12,7 @@ from matplotlib import image
 from matplotlib.colors import same_color, to_hex
 from scipy import stats
 
+from obsplan.campaign.layout import FIGURES
 from obsplan.campaign.statistics import (
     holm,
     median_interval,
@@ -20,7 +21,6 @@ from obsplan.campaign.statistics import (
     signed_rank_p,
     varied_keys,
 )
-from obsplan.campaign.store import FIGURES
 from obsplan.cli import main
 from obsplan.report import campaign as module
 from obsplan.report import campaign_table, write_campaign_report

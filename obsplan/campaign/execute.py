@@ -1,29 +1,29 @@
 """Fly what is missing of a campaign: on local processes or a Dask cluster, in the same way."""
 
-import asyncio
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol, runtime_checkable
 
 import obsplan
-from obsplan.campaign.cluster import connected, end_if_worker
+from obsplan.campaign.cluster import remote
 from obsplan.campaign.code import code_hash
+from obsplan.campaign.faults import FILE, is_begun_store, no_store
+from obsplan.campaign.integrity import Damage
+from obsplan.campaign.lock import held
 from obsplan.campaign.plan import Cell
-from obsplan.campaign.store import FILE, Store, no_store
+from obsplan.campaign.processes import end_if_worker, local
+from obsplan.campaign.store import Store
 from obsplan.campaign.table import export
-from obsplan.campaign.worker import Batch, Flown, Outcome, failed, fly_batch
+from obsplan.campaign.worker import Batch, Flown, Outcome, failed
 from obsplan.files import write_atomically
 from obsplan.types import ObsplanError
-
-if TYPE_CHECKING:
-    from distributed import Client
 
 BATCH_SECONDS = 1.0  # of work in a batch; to schedule one costs some milliseconds
 MOST_IN_A_BATCH = 1000
@@ -32,7 +32,6 @@ WORTH_COMPILING = 32  # missions per worker that repay a second of compiling
 MOST_LISTED = 20  # failures
 LOOK_AROUND = 5.0  # [s] between two counts of the cluster's threads
 DIED = "its worker process died every time it was tried; perhaps the memory did not suffice"
-LOST = "the scheduler was lost; what was flown is kept, and the same command goes on from there"
 
 Progress = Callable[[int, int, int], None]  # missions flown now, to be flown now, failed now
 
@@ -46,6 +45,7 @@ class Report:
     failed: int  # of all planned
     failures: list[tuple[Cell, int, str]]  # the first of them: cell, seed, reason
     set_aside: int  # in the store, but of other code or scenarios since changed: not in the table
+    damage: Damage | None = None  # found in the store before; what was planned is flown again
 
 
 def fly_campaign(
@@ -59,7 +59,7 @@ def fly_campaign(
     """Fly what a folder's store lacks of the cells, keep it, and export the table.
 
     Everything finished stays, whatever ends the campaign; the same call goes on from there.
-    Missions that failed are flown again.
+    Missions that failed are flown again, and those whose results were damaged since.
 
     Parameters
     ----------
@@ -68,26 +68,27 @@ def fly_campaign(
     workers
         Local processes; default: one per core.
     scheduler
-        Address of a Dask scheduler whose workers to use instead, ``tcp://host:8786``.
+        Address of a Dask scheduler whose workers to use instead, ``tls://host:8786``.
     progress
         Called after every batch.
 
     Raises
     ------
     ObsplanError
-        The folder cannot be used, the cluster is not there, or its workers have another copy of
-        obsplan.
+        The folder cannot be used or another campaign is at work in it, the cluster is not there,
+        or its workers have another copy of obsplan.
     """
     end_if_worker()
     folder = claimed(Path(folder))
-    with Store(folder) as store:
+    with Store(folder) as store, held(folder):
+        damage = store.mend()
         numbers = store.enter(cells)
         planned = [*zip(numbers, cells, strict=True)]
         missing = lacking(store, planned)
         if any(missing):
-            with connected(workers=workers, most=sum(missing), scheduler=scheduler) as client:
+            with crew_of(workers=workers, most=sum(missing), scheduler=scheduler) as crew:
                 flight = Flight(
-                    client=client,
+                    crew=crew,
                     store=store,
                     progress=progress or (lambda *_: None),
                     todo=sum(missing),
@@ -102,7 +103,33 @@ def fly_campaign(
             failed=sum(lacking(store, planned)),
             failures=[*islice(failures(store, planned), MOST_LISTED)],
             set_aside=store.set_aside(),
+            damage=damage,
         )
+
+
+@runtime_checkable
+class Crew(Protocol):
+    """Whoever flies missions."""
+
+    def threads(self) -> int:
+        """How many missions are flown at a time."""
+        ...
+
+    def send(self, batch: Batch) -> "Future[Flown | None]":
+        """Have a batch flown; the result is None if its worker died of it, several times over."""
+        ...
+
+
+def crew_of(
+    *, workers: int | None, most: int, scheduler: str | None
+) -> AbstractContextManager[Crew]:
+    """The cluster at an address, or local processes.
+
+    Of local processes there are ``workers`` (default: one per core), never more than ``most``.
+    """
+    from dask.system import CPU_COUNT
+
+    return remote(scheduler) if scheduler else local(min(workers or CPU_COUNT, most))
 
 
 def lacking(store: Store, planned: Iterable[tuple[int, Cell]]) -> list[int]:
@@ -122,7 +149,7 @@ def claimed(folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         # looked at once: another campaign may be making its store
-        inside = {path.name for path in folder.iterdir()}
+        inside = {path.name for path in folder.iterdir() if not is_begun_store(path.name)}
         if inside and FILE not in inside:
             raise no_store(
                 folder, "holds something that is not a campaign", "give another folder with --out"
@@ -141,7 +168,7 @@ class Flight:
     A window of batches moves over what is missing, so memory does not grow with it.
     """
 
-    client: "Client"
+    crew: Crew
     store: Store
     progress: Progress
     todo: int
@@ -202,24 +229,19 @@ class Flight:
         if now - self.counted > LOOK_AROUND:
             self.counted = now
             with suppress(Exception):  # a scheduler that is gone is told of by the batches
-                threads: Any = self.client.nthreads()
-                self.threads = max(1, sum(threads.values()))
+                self.threads = max(1, self.crew.threads())
 
     def drive(self, batches: Iterator[Batch], bury: Callable[[Batch], Any]) -> None:
         """Keep the window full and store what comes out of it.
 
         ``bury`` gets the batches whose workers died.
         """
-        loop: Any = self.client.loop
         flying: dict[Future[Flown | None], Batch] = {}
         while True:
             self._look_around()
             room = max(0, AHEAD * self.threads - len(flying))
             for batch in islice(batches, room):
-                sent = asyncio.run_coroutine_threadsafe(
-                    brought(self.client, batch), loop.asyncio_loop
-                )
-                flying[sent] = batch
+                flying[self.crew.send(batch)] = batch
             if not flying:
                 return
             landed, _ = wait(flying, timeout=LOOK_AROUND, return_when=FIRST_COMPLETED)
@@ -235,6 +257,7 @@ class Flight:
             if flown is None:
                 dead.append(batch)
                 continue
+            check_same_copy(flown)
             outcomes += [(batch.cell, outcome) for outcome in flown.outcomes]
             self.work += flown.seconds
             self.pace[batch.cell] = flown.seconds / len(batch.seeds)
@@ -261,38 +284,6 @@ class Flight:
             # the rest is scheduling, and waiting at the end
             "share_of_time_in_missions": self.work / self.capacity,
         }
-
-
-async def brought(client: "Client", batch: Batch) -> Flown | None:
-    """What a worker made of a batch, or None if it died of it.
-
-    A worker that dies takes the finished results that it still holds; Dask computes these again,
-    and ``gather`` waits for that.
-
-    Raises
-    ------
-    ObsplanError
-        The worker could not even begin, has other code or another version, or the scheduler is
-        gone.
-    """
-    from distributed import KilledWorker
-
-    future = None
-    try:
-        future = client.submit(fly_batch, batch, pure=False)
-        answer: Any = client.gather(future, asynchronous=True)
-        flown = await answer
-    except KilledWorker:
-        return None
-    except Exception as error:
-        if future is None or future.status != "error":  # it is not the batch that failed
-            raise ObsplanError(LOST) from error
-        raise ObsplanError(
-            f"a worker cannot fly missions ({type(error).__name__}: {error}); "
-            f"install obsplan {obsplan.__version__} there"
-        ) from error
-    check_same_copy(flown)
-    return flown
 
 
 def check_same_copy(flown: Flown) -> None:

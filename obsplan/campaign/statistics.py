@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
-from obsplan.campaign.store import FIGURES
+from obsplan.campaign.layout import FIGURES
 from obsplan.constraints import ROUNDING
 
 if TYPE_CHECKING:

@@ -10,53 +10,31 @@ clusters do not have.
 import json
 import os
 import sqlite3
-import zlib
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from obsplan.campaign.faults import FILE, begun_store, empty, placed_wrong, remedy
+from obsplan.campaign.integrity import Damage, damage_of, lay_out, rescue, write_total
+from obsplan.campaign.layout import (
+    COLUMNS,
+    FORMAT,
+    LAYOUT,
+    MISSIONS,
+    PLAN,
+    Total,
+    mission_digest,
+    row_of,
+    sealed,
+)
 from obsplan.campaign.plan import Cell
 from obsplan.campaign.worker import Outcome
 from obsplan.types import ObsplanError
 
-FILE = "campaign.sqlite"
-TABLES = PARQUET, CSV = "campaign.parquet", "campaign.csv"  # beside it
 PATIENCE = 600.0  # [s] to wait for another campaign's commit or export
 BLOCK = 10_000  # seeds or rows looked at together: memory does not grow with the campaign
-FIGURES = (
-    "rms_error_m",
-    "max_error_m",
-    "mean_nees",
-    "pcrb_rms_m",
-    "separation_mean_m",
-    "separation_max_m",
-    "violation_max_m",
-)
-
-LAYOUT = (
-    "CREATE TABLE scenario (name TEXT PRIMARY KEY, base TEXT NOT NULL)",  # as last planned
-    "CREATE TABLE varied (key TEXT PRIMARY KEY)",
-    (
-        "CREATE TABLE cell (id INTEGER PRIMARY KEY, key TEXT UNIQUE NOT NULL, base TEXT NOT NULL, "
-        "scenario TEXT NOT NULL,\n"
-        "       planner TEXT NOT NULL, content TEXT NOT NULL)"
-    ),
-    (
-        "CREATE TABLE mission (cell INTEGER NOT NULL REFERENCES cell, seed INTEGER NOT NULL, "
-        "error TEXT,\n"
-        f"       {', '.join(f'{name} REAL' for name in FIGURES)}, auv TEXT NOT NULL, "
-        "status_counts TEXT NOT NULL,\n"
-        "       PRIMARY KEY (cell, seed)) WITHOUT ROWID"
-    ),
-)
-# how the file says that it is ours, and in this layout
-FORMAT = zlib.crc32("".join(LAYOUT).encode()) >> 1
-COLUMNS = ("cell", "seed", "error", *FIGURES, "auv", "status_counts")
-ANEW = ", ".join(f"{name} = excluded.{name}" for name in COLUMNS[2:])
-# a success stays; a failure gives way to the next attempt
-ADD = f"""INSERT INTO mission ({", ".join(COLUMNS)}) VALUES ({", ".join("?" * len(COLUMNS))})
-    ON CONFLICT DO UPDATE SET {ANEW} WHERE mission.error IS NOT NULL"""
+ADD = f"INSERT OR REPLACE INTO mission VALUES ({', '.join('?' * len(COLUMNS))})"
 # not those of a scenario, or of code that flies, since changed
 CURRENT = "cell JOIN scenario ON scenario.name = cell.scenario AND scenario.base = cell.base"
 
@@ -72,11 +50,20 @@ class Store:
 
     def __init__(self, folder: Path):
         self.path = folder / FILE
+        self._keys: dict[int, str] = {}  # of cells by number
         with self._explained():
-            self._connection = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
+            if not self.path.exists():
+                self._make()
+            if self.path.is_file() and self.path.stat().st_size == 0:
+                raise ObsplanError(empty(self.path))
+            # without the right to write, SQLite opens it for reading
+            place = f"{self.path.absolute().as_uri()}?mode=rw"
+            self._connection = sqlite3.connect(
+                place, uri=True, timeout=PATIENCE, isolation_level=None
+            )
+            self._connection.text_factory = decoded
             try:
-                if self._one("PRAGMA application_id") != FORMAT:
-                    self._lay_out()
+                self._recognise()
             except BaseException:
                 self._connection.close()
                 raise
@@ -87,16 +74,67 @@ class Store:
     def __exit__(self, *_: object) -> None:
         self._connection.close()
 
-    def _lay_out(self) -> None:
-        with self._transaction():
-            if self._one("PRAGMA application_id") == FORMAT:  # another campaign was quicker
+    def _make(self) -> None:
+        """Make an empty store, complete or not at all: an empty file is one that lost its content.
+
+        Where another campaign was quicker, its store stays.
+        """
+        part = begun_store(self.path)
+        try:
+            with closing(sqlite3.connect(part, isolation_level=None)) as made:
+                made.execute("BEGIN")
+                lay_out(made)
+                made.execute("COMMIT")
+            put_in_place(part, self.path)
+        except OSError as error:
+            raise ObsplanError(
+                f"{self.path} cannot be made ({error.strerror}); choose another folder"
+            ) from error
+        finally:
+            with suppress(OSError):
+                part.unlink()
+
+    def _recognise(self) -> None:
+        """Refuse what is no store, or one of another version."""
+        # nothing is written there: it lets a file that was cut be opened, and saved in part
+        self._connection.execute("PRAGMA writable_schema = ON")
+        if self._one("PRAGMA application_id") == FORMAT:
+            tables = "SELECT sql FROM sqlite_master WHERE sql IS NOT NULL ORDER BY rowid"
+            if tuple(sql for (sql,) in self._connection.execute(tables)) == LAYOUT:
                 return
-            if self._one("SELECT count(*) FROM sqlite_master"):
-                raise ObsplanError(
-                    f"{self.path} is not a store of this version's campaigns; choose another folder"
-                )
-            for statement in (*LAYOUT, f"PRAGMA application_id = {FORMAT}"):
-                self._connection.execute(statement)
+        raise ObsplanError(
+            f"{self.path} is not a store of this version's campaigns; choose another folder, "
+            "or put a copy back if it was damaged"
+        )
+
+    def damage(self) -> Damage | None:
+        """What is not as it was written, after everything has been read; None if all is sound."""
+        with self._explained(), self._read():
+            return damage_of(self._connection)
+
+    def check(self) -> None:
+        """Read everything.
+
+        Raises
+        ------
+        ObsplanError
+            Something is not as it was written.
+        """
+        damage = self.damage()
+        if damage is not None:
+            raise ObsplanError(
+                f"{self.path} is {damage.sentence}; the campaign's command flies again what is "
+                "lost, and `obsplan campaign-check --mend` leaves it out"
+            )
+
+    def mend(self) -> Damage | None:
+        """Leave out what is damaged, so that it is missing; says what was wrong."""
+        damage = self.damage()
+        if damage is None:
+            return None
+        with self._explained(), self._alone(), closing(rescue(self._connection)) as rescued:
+            rescued.backup(self._connection)
+        return damage
 
     def enter(self, cells: Iterable[Cell]) -> list[int]:
         """Note what is planned and return the cells' numbers.
@@ -105,21 +143,31 @@ class Store:
         of tables.
         """
         with self._explained(), self._transaction():
-            return [self._enter(cell) for cell in cells]
+            numbers = [self._enter(cell) for cell in cells]
+            digests = " UNION ALL ".join(
+                f"SELECT digest FROM {table}" for table in ("scenario", "varied", "cell")
+            )
+            planned = Total.of(digest for (digest,) in self._connection.execute(digests))
+            write_total(self._connection, PLAN, planned)
+            return numbers
 
     def _enter(self, cell: Cell) -> int:
         run = self._connection.execute
-        run("INSERT OR REPLACE INTO scenario VALUES (?, ?)", (cell.scenario, cell.base))
+        run("INSERT OR REPLACE INTO scenario VALUES (?, ?, ?)", sealed(cell.scenario, cell.base))
         self._connection.executemany(
-            "INSERT OR IGNORE INTO varied VALUES (?)",
-            [(setting.partition("=")[0],) for setting in cell.settings],
+            "INSERT OR REPLACE INTO varied VALUES (?, ?)",
+            [sealed(setting.partition("=")[0]) for setting in cell.settings],
         )
-        run(
-            "INSERT INTO cell (key, base, scenario, planner, content) VALUES (?, ?, ?, ?, ?) "
-            "ON CONFLICT (key) DO UPDATE SET base = excluded.base",
-            (cell.key, cell.base, cell.scenario, cell.planner, cell.content),
-        )
-        return int(self._one("SELECT id FROM cell WHERE key = ?", cell.key))
+        number = self._number_of(cell.key)
+        row = sealed(number, cell.key, cell.base, cell.scenario, cell.planner, cell.content)
+        run("INSERT OR REPLACE INTO cell VALUES (?, ?, ?, ?, ?, ?, ?)", row)
+        self._keys[number] = cell.key
+        return number
+
+    def _number_of(self, key: str) -> int:
+        """The number of a cell that is there, or a new one."""
+        there = self._connection.execute("SELECT id FROM cell WHERE key = ?", (key,)).fetchone()
+        return int(there[0] if there else self._one("SELECT ifnull(max(id), 0) + 1 FROM cell"))
 
     def missing(self, cell: int, seeds: range) -> Iterator[int]:
         """Seeds not yet flown, or flown in vain, looked up a block at a time."""
@@ -139,10 +187,36 @@ class Store:
         return int(self._all(done, cell, seeds[0], seeds[-1])[0][0])
 
     def add(self, flown: Sequence[tuple[int, Outcome]]) -> None:
-        """Keep outcomes of missions of cells, all or none."""
-        rows = [row_of(cell, outcome) for cell, outcome in flown]
+        """Keep outcomes of missions of cells that were entered, all or none.
+
+        A success stays; a failure gives way to the next attempt.
+        """
+        rows = [row_of(cell, self._keys[cell], outcome) for cell, outcome in flown]
         with self._explained(), self._transaction():
-            self._connection.executemany(ADD, rows)
+            total = self._total()
+            for row in rows:
+                self._add(row, total)
+            write_total(self._connection, MISSIONS, total)
+
+    def _add(self, row: tuple[Any, ...], total: Total) -> None:
+        query = "SELECT error, digest FROM mission WHERE cell = ? AND seed = ?"
+        there = self._connection.execute(query, row[:2]).fetchone()
+        if there is not None:
+            error, digest = there
+            if error is None:
+                return
+            total.remove(digest)
+        self._connection.execute(ADD, row)
+        total.add(row[-1])
+
+    def _total(self) -> Total:
+        """The total of the missions, as recorded."""
+        query = "SELECT * FROM total WHERE part = ?"
+        row = self._connection.execute(query, (MISSIONS,)).fetchone()
+        total = None if row is None else Total.read(row)
+        if total is None:
+            raise ObsplanError(f"{self.path} was damaged while the campaign ran; repeat it")
+        return total
 
     def failures(self, cell: int, seeds: range) -> list[tuple[int, str]]:
         """Seeds of a cell whose missions failed, with the reasons."""
@@ -151,6 +225,12 @@ class Store:
             "AND error IS NOT NULL ORDER BY seed"
         )
         return self._all(failed, cell, seeds[0], seeds[-1])
+
+    def size(self) -> tuple[int, int]:
+        """Number of missions and of cells, whatever became of them."""
+        counted = "SELECT (SELECT count(*) FROM mission), (SELECT count(*) FROM cell)"
+        missions, cells = self._all(counted)[0]
+        return missions, cells
 
     def current_cells(self) -> list[tuple[int, str, str, dict[str, Any]]]:
         """Number, scenario, planner and content of the cells of scenarios as last planned."""
@@ -170,15 +250,19 @@ class Store:
         return [key for (key,) in self._all("SELECT key FROM varied ORDER BY key")]
 
     def rows(self, cell: int) -> Iterator[tuple[Any, ...]]:
-        """Missions of a cell by seed, as `COLUMNS` from the seed on."""
+        """Missions of a cell by seed, as `COLUMNS` from the seed on, without the digest."""
+        key = self._all("SELECT key FROM cell WHERE id = ?", cell)[0][0]
         query = (
-            f"SELECT {', '.join(COLUMNS[1:])} FROM mission WHERE cell = ? AND seed > ? "
+            f"SELECT {', '.join(COLUMNS)} FROM mission WHERE cell = ? AND seed > ? "
             f"ORDER BY seed LIMIT {BLOCK}"
         )
         after = -1
         while block := self._all(query, cell, after):
-            yield from block
-            after = block[-1][0]
+            for *values, digest in block:
+                if digest != mission_digest(key, tuple(values)):
+                    raise ObsplanError(f"{self.path} was damaged while it was read; repeat it")
+                yield tuple(values[1:])
+            after = block[-1][1]
 
     @contextmanager
     def frozen(self) -> Iterator[None]:
@@ -206,67 +290,56 @@ class Store:
             raise
 
     @contextmanager
+    def _read(self) -> Iterator[None]:
+        """See one state of the store, whatever another campaign writes meanwhile."""
+        self._connection.execute("BEGIN")
+        try:
+            yield
+        finally:
+            if self._connection.in_transaction:
+                self._connection.execute("ROLLBACK")
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Keep every other campaign out, over several transactions."""
+        self._connection.execute("PRAGMA locking_mode = EXCLUSIVE")
+        try:
+            self._connection.execute("BEGIN EXCLUSIVE")
+            self._connection.execute("COMMIT")
+            yield
+        finally:
+            self._connection.execute("PRAGMA locking_mode = NORMAL")
+            with suppress(sqlite3.Error):  # which lets the others in
+                self._connection.execute("SELECT count(*) FROM sqlite_master")
+
+    @contextmanager
     def _explained(self) -> Iterator[None]:
         """Turn SQLite's errors into one sentence."""
         try:
             yield
         except sqlite3.Error as error:
             fault = getattr(error, "sqlite_errorname", "")
-            told = placed_wrong(self.path, fault) or f"{error}; {remedy(fault)}"
+            told = placed_wrong(self.path, fault) or f"{printable(str(error))}; {remedy(fault)}"
             raise ObsplanError(f"{self.path}: {told}") from error
+        except UnicodeDecodeError as error:  # SQLite quotes what is damaged
+            raise ObsplanError(f"{self.path}: {remedy('SQLITE_CORRUPT')}") from error
 
 
-def row_of(cell: int, outcome: Outcome) -> tuple[Any, ...]:
-    """A mission as `COLUMNS`; of a failure there are no figures."""
-    figures = [outcome.figures.get(name) for name in FIGURES]
-    return (cell, outcome.seed, outcome.error, *figures, outcome.auv, outcome.status_counts)
+def printable(text: str) -> str:
+    """A text without what a terminal would obey."""
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
-def no_store(folder: Path, otherwise: str, remedy: str) -> ObsplanError:
-    """What is wrong with a folder that has no store.
-
-    Where a campaign's table is left, the store was moved; else it is what ``otherwise`` says.
-    """
-    if any((folder / name).exists() for name in TABLES):
-        return ObsplanError(
-            f"{folder} has a campaign's table but not its store, which was moved or removed: "
-            f"put {FILE} back, or {remedy}"
-        )
-    return ObsplanError(f"{folder} {otherwise}; {remedy}")
+def decoded(text: bytes) -> str:
+    """A text of a store; of a damaged one the digest is wrong, too."""
+    return text.decode(errors="replace")
 
 
-def placed_wrong(path: Path, fault: str) -> str | None:
-    """What is wrong with a store's place, and the remedy, where a fault of SQLite comes of that."""
-    if fault == "SQLITE_READONLY_DBMOVED":
-        return (
-            "was moved or removed while the campaign ran; "
-            "put it back, and the same command goes on from there"
-        )
-    if not fault.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM")):
-        return None
-    if path.is_dir():
-        return "is a folder, and a campaign's store is a file; choose another folder"
-    if path.exists() and not os.access(path, os.R_OK):
-        return "may not be read; make it readable and writable, or choose another folder"
-    if path.exists() and not os.access(path, os.W_OK):
-        return "is read-only; make it writable, or choose another folder"
-    if not os.access(path.parent, os.W_OK):
-        return "lies in a folder that is read-only; make that writable, or choose another folder"
-    return None
-
-
-def remedy(fault: str) -> str:
-    """What to do about a fault of SQLite, by its name."""
-    kept = "what was flown is kept, and the same command goes on from there"
-    known = {
-        "SQLITE_FULL": f"free some space: {kept}",
-        "SQLITE_IOERR": f"see that the disk has space and works: {kept}",
-        "SQLITE_READONLY": "make it and its folder writable, or choose another folder",
-        "SQLITE_CANTOPEN": "make its folder writable, or choose another folder",
-        "SQLITE_NOTADB": "this file is no campaign's: choose another folder",
-        "SQLITE_BUSY": "another program keeps it locked: end that one",
-    }
-    return next(
-        (advice for name, advice in known.items() if fault.startswith(name)),
-        "choose another folder, or a copy of this file",
-    )
+def put_in_place(part: Path, path: Path) -> None:
+    """Give a store its name, unless another campaign has made one of that name meanwhile."""
+    try:
+        os.link(part, path)
+    except FileExistsError:
+        return
+    except OSError:  # a file system without links: only there two may begin at the same instant
+        part.replace(path)

@@ -10,7 +10,9 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from obsplan.campaign.store import BLOCK, CSV, FIGURES, FILE, PARQUET, Store, no_store
+from obsplan.campaign.faults import CSV, FILE, PARQUET, no_store
+from obsplan.campaign.layout import FIGURES
+from obsplan.campaign.store import BLOCK, Store
 from obsplan.spelling import inert
 from obsplan.types import ObsplanError
 
@@ -34,11 +36,12 @@ def load_campaign(folder: Path | str) -> "pd.DataFrame":
     Raises
     ------
     ObsplanError
-        The folder has no campaign.
+        The folder has no campaign, or its store is damaged.
     """
     import pyarrow as pa
 
     with existing_store(Path(folder)) as store:
+        store.check()
         table = Layout.of(store)
         return pa.Table.from_batches(table.batches(store), table.schema()).to_pandas()
 

@@ -1,23 +1,21 @@
 """``obsplan ...``: the command line. What a command needs is imported when it runs."""
 
-import signal
 import sys
-from threading import Event
-from types import FrameType
 from typing import Annotated
 
 import typer
 
-from obsplan.cli.campaigns import campaign, campaign_report
+from obsplan.cli.campaigns import campaign, campaign_check, campaign_report
 from obsplan.cli.commands import compare, new, run, scenarios, schema, thesis
-from obsplan.cli.terminal import INTERRUPTED, WRONG_INPUT, complain, open_door, put, say
+from obsplan.cli.stopping import is_stop, listen, received, stop
+from obsplan.cli.terminal import WRONG_INPUT, complain, open_door, put, say
 
 __all__ = ["main"]
 
-COMMANDS = (run, compare, campaign, campaign_report, thesis, new, scenarios, schema)
+COMMANDS = (run, compare, campaign, campaign_check, campaign_report, thesis, new, scenarios, schema)
 EPILOG = (
     "Exit codes: 0 done; 2 what was given is wrong, and one sentence says what; "
-    "3 some missions of a campaign failed; 130 interrupted by Ctrl-C."
+    "3 some missions of a campaign failed; 130, 143, 129 ended in order by Ctrl-C, SIGTERM, SIGHUP."
 )
 
 app = typer.Typer(
@@ -56,43 +54,28 @@ def options(
 
 
 def main() -> None:
-    """Run the command line; exit codes: 0 done, 2 bad input, 3 missions failed, 130 interrupted."""
+    """Run the command line; exit codes: 0 done, 2 bad input, 3 missions failed, 128 + signal."""
     open_door()
-    stopped = listen()
+    listen()
     try:
         code = app(prog_name="obsplan", standalone_mode=False)
         put("")  # what the parser printed and is still on its way
-    except (KeyboardInterrupt, typer.Abort):
-        code = INTERRUPTED
     except SystemExit as end:  # with 1: of the parser, because nobody is left to read its help
         sys.exit(0 if end.code == 1 else end.code)
-    except Exception as error:
-        code = WRONG_INPUT
-        if message := fault(error):
-            complain(message)
-        elif stopped.is_set():
-            code = INTERRUPTED
-        else:
+    except BaseException as error:
+        if is_stop(error) or isinstance(error, typer.Abort):
+            stop("nothing was written")
+        message = fault(error)
+        if message is None:
             raise  # ours: the traceback is what we need to mend it
-    if code == INTERRUPTED:  # which the command line's own parser may return, too
-        complain("interrupted; nothing was written")
+        complain(message)
+        code = WRONG_INPUT
+    if received:  # which the command line's own parser turns into a code
+        stop("nothing was written")
     sys.exit(code if isinstance(code, int) else 0)
 
 
-def listen() -> Event:
-    """Note that Ctrl-C was typed: libraries in other languages turn it into errors of theirs."""
-    stopped = Event()
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        stopped.set()
-        signal.default_int_handler(number, frame)
-
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not in the background, say
-        signal.signal(signal.SIGINT, stop)
-    return stopped
-
-
-def fault(error: Exception) -> str | None:
+def fault(error: BaseException) -> str | None:
     """What the user gave that is wrong, or None if the fault is ours."""
     from obsplan.types import UNCOMPUTABLE, ObsplanError, uncomputable
 

@@ -8,11 +8,17 @@ import typer
 
 from obsplan.cli.arguments import named, planner_names, scenario_names
 from obsplan.cli.progress import progress
-from obsplan.cli.terminal import SOME_FAILED, complain, keeping, say, say_next, say_written, show
+from obsplan.cli.stopping import keeping
+from obsplan.cli.terminal import SOME_FAILED, complain, say, say_next, say_written, show
 from obsplan.quantities import RUNS, SEED
 
 if TYPE_CHECKING:
     from obsplan.campaign.plan import Cell
+
+
+CampaignFolder = Annotated[
+    Path, typer.Argument(metavar="DIR", help="Folder of a campaign, finished or not.")
+]
 
 
 def campaign(
@@ -108,6 +114,11 @@ def fly(
             f"{report.set_aside} earlier ones are kept but not in the table: other code or another "
             "version flew them, or the scenario was another."
         )
+    if report.damage:
+        say(
+            f"The results kept in {out} were {report.damage.sentence}. What is planned here of "
+            "these was flown again."
+        )
     for cell, number, reason in report.failures:
         complain(f"{cell.label}, seed {number}: {reason}")
     if report.failed > len(report.failures):
@@ -116,18 +127,40 @@ def fly(
 
 
 def campaign_report(
-    folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Folder of a campaign, finished or not.")
-    ],
+    folder: CampaignFolder,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder of the report; default: DIR/report.")
+    ] = None,
 ) -> None:
     """Read a campaign: medians with intervals, planners compared, errors against varied keys."""
     from obsplan.report import campaign_table, write_campaign_report
 
-    report = write_campaign_report(folder)
+    report = write_campaign_report(folder, out)
     show(campaign_table(report.medians))
     for sentence in report.sentences:
         say(sentence)
-    say_written(folder / "report", ", ".join(report.files))
+    say_written(report.folder, ", ".join(report.files))
+
+
+def campaign_check(
+    folder: CampaignFolder,
+    mend: Annotated[
+        bool, typer.Option("--mend", help="Leave out what is damaged, so that the rest is read.")
+    ] = False,
+) -> None:
+    """Read all results that a campaign keeps, and say whether they are as they were written."""
+    from obsplan.campaign.lock import held
+    from obsplan.campaign.table import existing_store
+
+    with existing_store(folder) as store:
+        if mend:
+            with held(folder):
+                damage = store.mend()
+            if damage:
+                say(f"The results kept in {folder} were {damage.sentence}. That is left out now.")
+        store.check()
+        missions, cells = store.size()
+    say(f"Missions: {missions}, of combinations: {cells}; each is as it was written.")
 
 
 def compare_suite(

@@ -21,7 +21,8 @@ from obsplan.cli.arguments import (
 )
 from obsplan.cli.campaigns import compare_suite
 from obsplan.cli.progress import Advance, progress
-from obsplan.cli.terminal import keeping, put, say, say_next, say_written, show
+from obsplan.cli.stopping import WRITTEN, keeping
+from obsplan.cli.terminal import put, say, say_next, say_written, show
 from obsplan.quantities import RUNS, SEED
 
 if TYPE_CHECKING:
@@ -64,12 +65,13 @@ def run(
     with progress(f"{name}, path as loaded") as advance:
         export = make_export(flown, progress=advance)
     folder = write_free(out, name, lambda folder: write_run(flown, folder, export))
-    show(run_table(flown))
-    notes = (*verdicts(flown), *limit_notes(flown), *planner_notes(flown))
-    for sentence in (*notes, *export_sentences(export)):
-        say(sentence)
-    paths = [f"path.{suffix}" for suffix in dict.fromkeys(loaded.table.export.formats)]
-    say_written(folder, ", ".join(["map.png", "errors.png", *paths, "tracks.csv and more"]))
+    with keeping(folder, WRITTEN):
+        show(run_table(flown))
+        notes = (*verdicts(flown), *limit_notes(flown), *planner_notes(flown))
+        for sentence in (*notes, *export_sentences(export)):
+            say(sentence)
+        paths = [f"path.{suffix}" for suffix in dict.fromkeys(loaded.table.export.formats)]
+        say_written(folder, ", ".join(["map.png", "errors.png", *paths, "tracks.csv and more"]))
 
 
 def compare(
@@ -108,10 +110,11 @@ def compare(
         rows = compared(loaded, range(first, first + runs), advance, bounded=not no_bound)
     heading = f"{title(table.name)}, {runs} run{'s' * (runs > 1)} each"
     folder = write_free(out, name, lambda folder: write_comparison(rows, folder, title=heading))
-    show(compare_table(rows))
-    for sentence in (*comparison_sentences(rows), *([NO_BOUND] if no_bound else [])):
-        say(sentence)
-    say_written(folder, "compare.csv, compare.png")
+    with keeping(folder, WRITTEN):
+        show(compare_table(rows))
+        for sentence in (*comparison_sentences(rows), *([NO_BOUND] if no_bound else [])):
+            say(sentence)
+        say_written(folder, "compare.csv, compare.png")
 
 
 def compared(

@@ -8,8 +8,7 @@ import shutil
 import sys
 import textwrap
 import unicodedata
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO, cast
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
     from rich.table import Column, Table
     from rich.text import Text
 
-WRONG_INPUT, SOME_FAILED, INTERRUPTED = 2, 3, 130  # exit codes
+WRONG_INPUT, SOME_FAILED = 2, 3  # exit codes
 
 LONGEST = 800  # letters of a complaint
 ENDLESS = 10_000  # [letters], wider than any table
@@ -85,19 +84,6 @@ def wrapped(text: str, indent: int = 0) -> str:
 def say_written(folder: Path, files: str) -> None:
     """Say where results are."""
     say(f"Written to {folder}{'' if folder.is_absolute() else '/'}: {files}.")
-
-
-@contextmanager
-def keeping(folder: Path) -> Iterator[None]:
-    """Say on Ctrl-C that what is finished stays in a folder, and end."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        complain(
-            f"interrupted; what is finished is kept in {folder}, and the same command goes on "
-            "from there"
-        )
-        sys.exit(INTERRUPTED)  # not by way of `main`, which says that nothing was written
 
 
 def put(text: str, stream: TextIO | None = None) -> None:

@@ -45,13 +45,14 @@ class CampaignReport:
     medians: "pd.DataFrame"
     pairs: "pd.DataFrame"
     sentences: list[str]
+    folder: Path
     files: list[str]
 
 
-def write_campaign_report(folder: Path | str) -> CampaignReport:
-    """Write medians, paired comparisons and figures of a campaign into its folder's ``report``.
+def write_campaign_report(folder: Path | str, out: Path | str | None = None) -> CampaignReport:
+    """Write medians, paired comparisons and figures of a campaign.
 
-    Those of an earlier report go.
+    They go to ``out``, or into the campaign's folder, to ``report``. Those of an earlier report go.
 
     Raises
     ------
@@ -64,7 +65,7 @@ def write_campaign_report(folder: Path | str) -> CampaignReport:
     if table.empty:
         raise ObsplanError(f"{folder} has no missions yet; let `obsplan campaign` run first")
     by_cell, pairs = medians(table), paired(table)
-    target = made(Path(folder) / FOLDER)
+    target = made(Path(folder) / FOLDER if out is None else Path(out))
     contents: dict[str, str | bytes] = {
         "medians.csv": by_cell.map(inert).to_csv(index=False),
         "pairs.csv": pairs.map(inert).to_csv(index=False),
@@ -77,6 +78,7 @@ def write_campaign_report(folder: Path | str) -> CampaignReport:
         medians=by_cell,
         pairs=pairs,
         sentences=sentences(table, pairs),
+        folder=target,
         files=list(contents),
     )
 
@@ -97,7 +99,7 @@ def made(folder: Path) -> Path:
     except OSError as error:
         raise ObsplanError(
             f"{folder} cannot be made ({error.strerror}): "
-            "make the campaign's folder writable, or copy it"
+            "make its place writable, or give another with --out"
         ) from error
     return folder
 

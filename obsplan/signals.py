@@ -1,0 +1,12 @@
+"""Signals that ask a program to end."""
+
+import signal
+
+NAMES = ("SIGINT", "SIGTERM", "SIGHUP")  # Ctrl-C; Slurm and `kill`; a terminal that is closed
+STOPS = tuple(getattr(signal, name) for name in NAMES if hasattr(signal, name))
+
+
+def ignore_stops() -> None:
+    """Let these signals pass from now on: another process ends this one, or it is ending."""
+    for number in STOPS:
+        signal.signal(number, signal.SIG_IGN)
