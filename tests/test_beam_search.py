@@ -9,8 +9,9 @@ from oracles import arc
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from formulations import beam_search as search
-from formulations.beam_search import LOOKS, branching, search_manoeuvres, turn_candidates
+from formulations.beam_search import search_manoeuvres, selection, turn_candidates
+from formulations.beam_search.search import beam_of
+from formulations.beam_search.selection import LOOKS
 from formulations.model import covariance
 from formulations.model.covariance import Ranging, Tracks, conditioned, motions
 from formulations.model.schedule import Stages, ping_stages
@@ -357,7 +358,7 @@ def test_sequences_that_are_not_looked_at_are_not_among_the_best(count, share):
             looked.extend(these)
             return broken[these]
 
-        found, worst = search._best(first, inherited, cost, count, look)
+        found, worst = selection.best(first, inherited, cost, count, look)
         whole = np.maximum(inherited, broken)
         expected = np.lexsort((cost, whole, first))[:count]
         for part in (first, whole, cost):
@@ -396,4 +397,4 @@ def test_violation_of_a_sequence_is_the_worst_along_its_arcs():
 
 def test_criterion_that_is_not_known_is_refused_with_those_that_are():
     with pytest.raises(ValueError, match='criterion must be one of trace, log-det, got "logdet"'):
-        branching(1, 3, False, "logdet")
+        beam_of(1, 3, False, "logdet", 2, 9)

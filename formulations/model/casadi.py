@@ -205,9 +205,9 @@ class Cases:
             _check(argument, count * step)
         _check(shared, self._shared)
         work = np.empty(self._reals + self._integers)
-        reals = _address(work)
+        reals = address(work)
         integers = reals + work.itemsize * self._reals
-        given, found = map(_address, arguments), map(_address, results)
+        given, found = map(address, arguments), map(address, results)
         self._run(count, self._steps, self._given(*given), self._found(*found), integers, reals)
         return results
 
@@ -241,7 +241,7 @@ def _check(array: np.ndarray, size: int) -> None:
         raise ValueError(f"give {size} numbers side by side, got an array of {array.shape}")
 
 
-def _address(array: np.ndarray) -> int:
+def address(array: np.ndarray) -> int:
     """Where the memory of an array is; three times as fast as numpy's own ``ctypes`` attribute."""
     return ctypes.addressof(ctypes.c_char.from_buffer(array.data))
 

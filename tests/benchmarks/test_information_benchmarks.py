@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import obsplan as op
-from formulations.beam_search import branching
+from formulations.beam_search.compiled import machine_code
+from formulations.beam_search.search import beam_of
 from formulations.model import compiler
 from formulations.solution import Solution, Status
 from obsplan.planners import information
@@ -88,13 +89,15 @@ def ranged(P, x, sigma, pings):
 @pytest.fixture
 def road(request, monkeypatch):
     """How the search is run."""
-    branching.cache_clear()
+    beam_of.cache_clear()
+    machine_code.cache_clear()
     if request.param == "numpy":
         monkeypatch.setattr(information, "search_manoeuvres", in_numpy)
     if request.param == "virtual-machine":
         monkeypatch.setattr(compiler, "find_compiler", lambda: None)
     yield request.param
-    branching.cache_clear()
+    beam_of.cache_clear()
+    machine_code.cache_clear()
 
 
 @pytest.mark.parametrize("auvs", [1, 2, 8])
