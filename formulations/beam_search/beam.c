@@ -61,46 +61,46 @@ static int64_t key_of(double cost) {
   int64_t bits;
   cost += 0.0; /* of two zeros none is cheaper */
   memcpy(&bits, &cost, sizeof bits);
-  if (cost != cost) return INT64_MAX;
-  return bits < 0 ? bits ^ INT64_MAX : bits;
+  const int64_t key = bits < 0 ? bits ^ INT64_MAX : bits;
+  return cost == cost ? key : INT64_MAX;
 }
 
-static int64_t sorted(int64_t count, int64_t* key, int64_t k) {
+static void sort(int64_t count, int64_t* key) {
   for (int64_t i = 1; i < count; ++i) {
     const int64_t this = key[i];
     int64_t j = i;
     for (; j > 0 && key[j - 1] > this; --j) key[j] = key[j - 1];
     key[j] = this;
   }
-  return key[k];
 }
 
 /* The k-th least, counted from 0: all are divided into buckets, and again those of its bucket. */
 static int64_t selected(int64_t count, const int64_t* key, int64_t k, int64_t* among) {
-  memcpy(among, key, sizeof *key * count);
+  const int64_t* from = key;
   while (count > FEW) {
-    uint64_t width, held[BUCKETS] = {0};
-    int64_t least = among[0], most = among[0], below = 0, n = 0;
+    int64_t held[BUCKETS] = {0}, bucket = 0, n = 0;
+    int64_t least = from[0], most = from[0];
     for (int64_t i = 1; i < count; ++i) {
-      least = among[i] < least ? among[i] : least;
-      most = among[i] > most ? among[i] : most;
+      least = from[i] < least ? from[i] : least;
+      most = from[i] > most ? from[i] : most;
     }
     if (least == most) return least;
-    width = (uint64_t)most - (uint64_t)least;
-    const int shift = width < BUCKETS ? 0 : 64 - 8 - __builtin_clzll(width);
-#define BUCKET(key) (((uint64_t)(key) - (uint64_t)least) >> shift)
-    for (int64_t i = 0; i < count; ++i) ++held[BUCKET(among[i])];
-    uint64_t bucket = 0;
-    while (below + (int64_t)held[bucket] <= k) below += held[bucket++];
+    const uint64_t range = (uint64_t)most - (uint64_t)least;
+    const int shift = range < BUCKETS ? 0 : 56 - __builtin_clzll(range);
+#define BUCKET(key) (int64_t)(((uint64_t)(key) - (uint64_t)least) >> shift)
+    for (int64_t i = 0; i < count; ++i) ++held[BUCKET(from[i])];
+    while (held[bucket] <= k) k -= held[bucket++];
     for (int64_t i = 0; i < count; ++i) {
-      const int64_t this = among[i];
+      const int64_t this = from[i];
       among[n] = this;
       n += BUCKET(this) == bucket;
     }
-    k -= below;
+    from = among;
     count = n;
   }
-  return sorted(count, among, k);
+  if (from == key) memcpy(among, key, sizeof *key * count);
+  sort(count, among);
+  return among[k];
 }
 
 /* The cheapest, in their own order, of equals those that come first; returns how many.
@@ -116,9 +116,9 @@ int64_t cheapest(int64_t count, const double* cost, int64_t wanted, int64_t* kep
   const int64_t last = selected(count, key, wanted - 1, among);
   for (int64_t i = 0; i < count; ++i) equals -= key[i] < last;
   for (int64_t i = 0; n < wanted; ++i) {
-    const int equal = key[i] == last && equals > 0;
+    const int64_t equal = (key[i] == last) & (equals > 0);
     kept[n] = i;
-    n += equal || key[i] < last;
+    n += equal | (key[i] < last);
     equals -= equal;
   }
   return n;

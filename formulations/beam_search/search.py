@@ -1,13 +1,11 @@
 """The search: what is told of each stage, and the sequence it ends with."""
 
-from functools import cache, lru_cache
+from functools import lru_cache
 
-import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from ..model.arcs import arc
-from ..model.casadi import Cases, symbol
+from ..model.arcs import arcs
 from ..model.covariance import Ranging, Tracks, motions, pack_array
 from ..model.schedule import Stages
 from ..solution import Solution, Status
@@ -155,17 +153,14 @@ def _told(
     stage[1:, 2] = stages.pings[:-1]
     stage[:, 3] = stages.pings
     stage[:, 4] = ranging.sigma
-    every_rate = np.tile(turn_rates, S)
-    every_duration = np.repeat(stages.duration, len(turn_rates))
-    (arcs_of_turns,) = _moves()(every_rate, every_duration, np.array([speed]))
-    moves[...] = arcs_of_turns.reshape(S, -1)
+    rates = tuple(turn_rates.tolist())
+    for s, duration in enumerate(stages.duration.tolist()):
+        moves[s] = _moves_of(rates, duration, speed)
     return told
 
 
-@cache
-def _moves() -> Cases:
-    """(turn rate, duration, speed) -> the arc from the origin."""
-    turn_rate, duration, speed = symbol("turn_rate"), symbol("duration"), symbol("speed")
-    move = arc(ca.SX.zeros(3), turn_rate, speed, duration)
-    function = ca.Function("moves", [turn_rate, duration, speed], [move])
-    return Cases(function, scalars=True)
+@lru_cache(maxsize=256)
+def _moves_of(turn_rates: tuple[float, ...], duration: float, speed: float) -> np.ndarray:
+    """Arcs from the origin, one after the other."""
+    ends = arcs(np.zeros(3), np.array(turn_rates), speed, np.array([duration]))
+    return ends.ravel()

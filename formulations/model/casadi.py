@@ -58,23 +58,23 @@ def evaluate(
 class Call(threading.local):
     """A Function of one column that gives one, with memory for both that is kept from call to call.
 
-    Each thread has its own memory: ``given``, which the caller fills, and what a call returns,
-    which the next one overwrites.
+    Each thread has its own memory: ``given``, which the caller fills, and ``found``, which a call
+    returns and the next one overwrites.
     """
 
     def __init__(self, function: ca.Function) -> None:
         self.given = np.zeros(function.size1_in(0))
         self.function = function
-        self._found = np.empty(function.size1_out(0))
+        self.found = np.empty(function.size1_out(0))
         buffer, self._run = function.buffer()
         buffer.set_arg(0, self.given.data)  # pyright: ignore[reportCallIssue]
-        buffer.set_res(0, self._found.data)  # pyright: ignore[reportCallIssue]
+        buffer.set_res(0, self.found.data)  # pyright: ignore[reportCallIssue]
         self._buffer = buffer
 
     def __call__(self) -> np.ndarray:
         """Evaluate what is in ``given``."""
         self._run()
-        return self._found
+        return self.found
 
 
 @lru_cache(maxsize=256)
