@@ -364,9 +364,11 @@ def first_move_violation(
     poses = arcs(pose, turn_rates, speed, times)
     positions = poses[..., :2]
     half_step = 0.5 * speed * interval / MOVE_POINTS
-    fixed = constraints.fixed_violation(positions).max(axis=-1)
+    centers = _circles(poses[:, -1], radius)
+    away = constraints.fixed_violation(np.concatenate([positions, centers], axis=1))
+    fixed = away[:, :MOVE_POINTS].max(axis=-1)
     if speed > 0:  # a vehicle at rest needs no circle
-        fixed = np.maximum(fixed, loiter_violation(constraints, poses[:, -1], radius).min(axis=-1))
+        fixed = np.maximum(fixed, (away[:, MOVE_POINTS:] + radius).min(axis=-1))
     known = auvs(np.append(0.0, times))
     strides = 0.5 * np.max(np.linalg.norm(np.diff(known, axis=0), axis=-1), axis=-1, initial=0.0)
     apart = np.max(
@@ -385,6 +387,10 @@ def loiter_violation(
 
     A circle counts with what it encloses.
     """
+    return constraints.fixed_violation(_circles(poses, radius)) + radius
+
+
+def _circles(poses: Float[np.ndarray, "*batch 3"], radius: float) -> Float[np.ndarray, "*batch 2 2"]:
+    """Centres [m] of the smallest circles left and right of poses."""
     left = radius * np.stack([-np.sin(poses[..., 2]), np.cos(poses[..., 2])], axis=-1)
-    centers = poses[..., None, :2] + np.array([[1.0], [-1.0]]) * left[..., None, :]
-    return constraints.fixed_violation(centers) + radius
+    return poses[..., None, :2] + np.array([[1.0], [-1.0]]) * left[..., None, :]

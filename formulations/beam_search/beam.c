@@ -35,7 +35,7 @@ struct memory {
 static int64_t blocks(int64_t sequences) { return (sequences + LANES - 1) / LANES; }
 
 /* Costs of all branches of the sequences in the beam, where they lead, and what is known there. */
-void branch(int64_t count, const double* told, struct memory* of) {
+__attribute__((noinline)) void branch(int64_t count, const double* told, struct memory* of) {
   const double *stage = told + STAGE_AT, *moves = told + MOVES_AT;
   const lanes share = all(stage[SHARE]);
   for (int64_t b = 0; b < blocks(count); ++b) {
@@ -125,7 +125,7 @@ int64_t cheapest(int64_t count, const double* cost, int64_t wanted, int64_t* kep
 }
 
 /* Make the beam of the branches that are kept. */
-void follow(int64_t count, const int64_t* kept, struct memory* of) {
+__attribute__((noinline)) void follow(int64_t count, const int64_t* kept, struct memory* of) {
   for (int64_t i = 0; i < count; ++i) {
     const int64_t parent = kept[i] / TURNS, turn = kept[i] % TURNS;
     const struct branches* from = of->branches + parent / LANES;

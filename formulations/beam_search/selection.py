@@ -1,6 +1,7 @@
 """Which branches are kept: the cheapest, or those that break limits least."""
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -55,9 +56,8 @@ class Feasibility:
 
     def _look(self, violation: Violation, pose: np.ndarray, duration: float) -> Look:
         """How far the stage of some branches breaks a limit, at the points looked at."""
-        elapsed, times = self.elapsed, duration * LOOKS
-        ways = arcs(np.zeros(3), self.turn_rates, self.speed, times)  # the same from every pose
-        ahead, aside = ways[..., 0], ways[..., 1]
+        ahead, aside = _ways(tuple(self.turn_rates.tolist()), self.speed, duration)
+        times = self.elapsed + duration * LOOKS
         x, y, heading = pose[..., None].swapaxes(0, 1)
         cos, sin = np.cos(heading), np.sin(heading)
 
@@ -68,10 +68,19 @@ class Feasibility:
             along = np.empty((these.size, times.size, 2))
             along[..., 0] = x[parent] + c * forward - s * left
             along[..., 1] = y[parent] + s * forward + c * left
-            broken = violation(along, elapsed + times)
+            broken = violation(along, times)
             return broken.max(axis=-1)
 
         return look
+
+
+@lru_cache(maxsize=64)
+def _ways(
+    turn_rates: tuple[float, ...], speed: float, duration: float
+) -> tuple[Float[np.ndarray, "K T"], Float[np.ndarray, "K T"]]:
+    """How far [m] ahead and to the left turns lead by the points looked at, from every pose."""
+    ways = arcs(np.zeros(3), np.array(turn_rates), speed, duration * LOOKS)
+    return ways[..., 0].copy(), ways[..., 1].copy()
 
 
 def cheapest(cost: Float[np.ndarray, " n"], count: int) -> Int[np.ndarray, " some"]:

@@ -25,6 +25,7 @@ CALLED = {ca.OP_FMAX: "fmax", ca.OP_LOG: "log", ca.OP_SIN: "sin", ca.OP_COS: "co
 
 LANES = 4  # what two vectors of SSE2 or NEON hold, and one of AVX
 VECTORS = """
+#pragma GCC diagnostic ignored "-Wpsabi" /* vectors are handed over within this file alone */
 #include <math.h>
 #include <stdint.h>
 #include <string.h>

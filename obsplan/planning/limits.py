@@ -24,6 +24,8 @@ class LimitsAhead:
         self.situation = situation
         self.auvs = auvs
         self.margin = margins(auvs)
+        self._times = np.empty(0)
+        self._positions = np.empty((0, len(auvs), 2))
 
     def expected(self, times: Float[np.ndarray, " T"]) -> Float[np.ndarray, "T M 2"]:
         """Where AUVs are expected [m] at times from now [s]."""
@@ -34,7 +36,9 @@ class LimitsAhead:
     ) -> Float[np.ndarray, "*batch T"]:
         """How far [m] positions at times from now [s] break a limit, 0 where they keep all."""
         limits = self.situation.constraints
-        return limits.violation(positions, self.expected(times), self.margin)
+        if not np.array_equal(times, self._times):  # a search asks again and again for the same
+            self._times, self._positions = times, self.expected(times)
+        return limits.violation(positions, self._positions, self.margin)
 
     def first_move(
         self,
