@@ -111,14 +111,15 @@ class Polygon:
         return min(east), min(north), max(east), max(north)
 
     @cached_property
-    def _outline(self) -> Outline:
+    def outline(self) -> Outline:
+        """Its closed line, with what is known of the edges."""
         return outline_of(np.array(self.points))
 
     def signed_distance(
         self, positions: Float[np.ndarray, "*batch 2"]
     ) -> Float[np.ndarray, "*batch"]:
         """Distance [m] to the edge, negative inside."""
-        return signed_distance(positions, self._outline)
+        return signed_distance(positions, self.outline)
 
     def misses(self, legs: Float[np.ndarray, "n 2 2"]) -> Bool[np.ndarray, " n"]:
         """Whether straight legs, from their first to their second place, stay outside."""
@@ -190,12 +191,12 @@ class Constraints:
         At most 0 where they are neither; -inf where there is no keep-out and no geofence.
         """
         worst = np.full(positions.shape[:-1], -np.inf)
-        for area, sign in self._areas:
+        for area, sign in self.areas:
             worst = np.maximum(worst, sign * area.signed_distance(positions))
         return worst
 
     @property
-    def _areas(self) -> list[tuple[Disc | Polygon, float]]:
+    def areas(self) -> list[tuple[Disc | Polygon, float]]:
         """Each keep-out and, last, the geofence, with a sign.
 
         It turns the distance from the edge into a violation.
@@ -225,7 +226,7 @@ class Constraints:
             labels.append("the geofence")
         told = [
             LimitHistory(name=name, violation=sign * area.signed_distance(path))
-            for name, (area, sign) in zip(labels, self._areas, strict=True)
+            for name, (area, sign) in zip(labels, self.areas, strict=True)
         ]
         for i, name in enumerate(names):
             if self.min_separation > 0:
@@ -311,7 +312,7 @@ class Constraints:
         west, south, east, north = self._boxes
         meets_east = (west <= x.max(initial=-np.inf)) & (east >= x.min(initial=np.inf))
         meets_north = (south <= y.max(initial=-np.inf)) & (north >= y.min(initial=np.inf))
-        return list(compress(self._areas, (meets_east & meets_north).tolist()))
+        return list(compress(self.areas, (meets_east & meets_north).tolist()))
 
     @cached_property
     def _boxes(self) -> Float[np.ndarray, "4 areas"]:
@@ -320,7 +321,7 @@ class Constraints:
         A keep-out can be broken only inside it, the geofence anywhere.
         """
         anywhere = (-np.inf, -np.inf, np.inf, np.inf)
-        boxes = [area.box if sign < 0 else anywhere for area, sign in self._areas]
+        boxes = [area.box if sign < 0 else anywhere for area, sign in self.areas]
         return np.array(boxes).reshape(-1, 4).T
 
 
@@ -390,7 +391,9 @@ def loiter_violation(
     return constraints.fixed_violation(_circles(poses, radius)) + radius
 
 
-def _circles(poses: Float[np.ndarray, "*batch 3"], radius: float) -> Float[np.ndarray, "*batch 2 2"]:
+def _circles(
+    poses: Float[np.ndarray, "*batch 3"], radius: float
+) -> Float[np.ndarray, "*batch 2 2"]:
     """Centres [m] of the smallest circles left and right of poses."""
     left = radius * np.stack([-np.sin(poses[..., 2]), np.cos(poses[..., 2])], axis=-1)
     return poses[..., None, :2] + np.array([[1.0], [-1.0]]) * left[..., None, :]

@@ -12,6 +12,7 @@ from ..solution import Solution, Status
 from .branching import AUV, CRITERIA, branching, told_sizes
 from .compiled import Compiled, machine_code
 from .interpreted import Interpreted
+from .limits import Limits
 from .selection import Feasibility, Violation
 
 
@@ -39,6 +40,7 @@ def search_manoeuvres(
     beam_width: int = 32,
     violation: Violation | None = None,
     first_violation: Float[np.ndarray, " K"] | None = None,
+    limits: Limits | None = None,
 ) -> Solution:
     """Find the turns, one a stage, after which the AUVs' position covariances are smallest.
 
@@ -64,6 +66,9 @@ def search_manoeuvres(
         most 0 where they are right.
     first_violation
         How far [m] each turn breaks a limit as the first one.
+    limits
+        What ``violation`` says as numbers, where there are any: asked instead of it where there is
+        a compiler.
 
     Returns
     -------
@@ -88,11 +93,11 @@ def search_manoeuvres(
         sequences.search(told)
     else:
         own = np.zeros(K) if first_violation is None else first_violation
-        limits = Feasibility(violation, own, turn_rates=turn_rates, speed=speed)
+        feasible = Feasibility(violation, own, turn_rates=turn_rates, speed=speed, limits=limits)
         for of_stage, duration in zip(told, stages.duration.tolist(), strict=True):
             cost = sequences.branch(of_stage)
-            sequences.follow(limits.best(sequences.pose, cost, width, duration))
-        first, worst = float(limits.first[0]), float(limits.worst[0])
+            sequences.follow(feasible.best(sequences.pose, cost, width, duration))
+        first, worst = float(feasible.first[0]), float(feasible.worst[0])
     cost, turns, poses = sequences.first(told)
     return Solution(
         x=turn_rates[turns],

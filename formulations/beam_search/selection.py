@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..model.arcs import arcs
+from .limits import Limits, Looking, look_function
 
 LOOKS = np.arange(1, 9) / 8  # parts of a stage after which it is held against the constraints
 
@@ -29,35 +30,47 @@ class Feasibility:
         *,
         turn_rates: Float[np.ndarray, " K"],
         speed: float,
+        durations: Float[np.ndarray, " S"],
+        limits: Limits | None = None,
     ) -> None:
         self.violation = violation
+        native = limits is not None and not limits.areas.long and look_function() is not None
+        self.limits = limits if native else None
         self.first = np.maximum(first_violation, 0.0)
         self.worst = np.zeros(1)
         self.turn_rates = turn_rates
         self.speed = speed
-        self.elapsed = 0.0  # [s] of the stages before
+        self.durations = durations.tolist()
+        begins = np.append(0.0, durations.cumsum()[:-1])
+        self.times = begins[:, None] + durations[:, None] * LOOKS
+        self.stage = 0
+        if self.limits is not None:
+            expected = self.limits.expected(self.times.ravel())
+            self._auvs = expected.reshape(*self.times.shape, -1, 2)
 
     def best(
         self,
         pose: Float[np.ndarray, "B 3"],
         cost: Float[np.ndarray, " n"],
         width: int,
-        duration: float,
     ) -> Int[np.ndarray, " some"]:
         """Which branches are the beam of the next stage; `first` and `worst` become theirs."""
         turns = len(self.turn_rates)
-        first = self.first if self.elapsed == 0.0 else np.repeat(self.first, turns)
+        first = self.first if self.stage == 0 else np.repeat(self.first, turns)
         worst = np.repeat(self.worst, turns)
-        look = None if self.violation is None else self._look(self.violation, pose, duration)
+        look = None if self.violation is None else self._look(self.violation, pose)
         keep, worst = best(first, worst, cost, width, look)
         self.first, self.worst = first[keep], worst[keep]
-        self.elapsed += duration
+        self.stage += 1
         return keep
 
-    def _look(self, violation: Violation, pose: np.ndarray, duration: float) -> Look:
+    def _look(self, violation: Violation, pose: np.ndarray) -> Look:
         """How far the stage of some branches breaks a limit, at the points looked at."""
-        ahead, aside = _ways(tuple(self.turn_rates.tolist()), self.speed, duration)
-        times = self.elapsed + duration * LOOKS
+        rates, duration = tuple(self.turn_rates.tolist()), self.durations[self.stage]
+        ahead, aside = _ways(rates, self.speed, duration)
+        times = self.times[self.stage]
+        if self.limits is not None:
+            return Looking(self.limits, self._auvs[self.stage], pose, ahead, aside)
         x, y, heading = pose[..., None].swapaxes(0, 1)
         cos, sin = np.cos(heading), np.sin(heading)
 

@@ -94,6 +94,7 @@ class InformationHorizon:
             criterion=self.criterion,
             beam_width=self.beam_width,
             violation=None if limits is None else limits.along,
+            limits=None if limits is None else limits.numbers(),
             first_violation=None
             if limits is None
             else limits.first_move(state, turn_rates, cna.speed),

@@ -7,8 +7,9 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
+from formulations.beam_search.limits import Limits
 from formulations.solution import Status
-from obsplan.constraints import first_move_violation
+from obsplan.constraints import ROUNDING, first_move_violation
 from obsplan.planning.fallback import predict_path
 from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
@@ -39,6 +40,18 @@ class LimitsAhead:
         if not np.array_equal(times, self._times):  # a search asks again and again for the same
             self._times, self._positions = times, self.expected(times)
         return limits.violation(positions, self._positions, self.margin)
+
+    def numbers(self) -> Limits:
+        """`along` as machine code asks it."""
+        limits = self.situation.constraints
+        return Limits(
+            areas=self.situation.areas,
+            min_separation=limits.min_separation,
+            max_separation=limits.max_separation,
+            rounding=ROUNDING,
+            margin=self.margin,
+            expected=self.expected,
+        )
 
     def first_move(
         self,
