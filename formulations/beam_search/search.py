@@ -93,10 +93,17 @@ def search_manoeuvres(
         sequences.search(told)
     else:
         own = np.zeros(K) if first_violation is None else first_violation
-        feasible = Feasibility(violation, own, turn_rates=turn_rates, speed=speed, limits=limits)
-        for of_stage, duration in zip(told, stages.duration.tolist(), strict=True):
+        feasible = Feasibility(
+            violation,
+            own,
+            turn_rates=turn_rates,
+            speed=speed,
+            durations=stages.duration,
+            limits=limits,
+        )
+        for of_stage in told:
             cost = sequences.branch(of_stage)
-            sequences.follow(feasible.best(sequences.pose, cost, width, duration))
+            sequences.follow(feasible.best(sequences.pose, cost, width))
         first, worst = float(feasible.first[0]), float(feasible.worst[0])
     cost, turns, poses = sequences.first(told)
     return Solution(
