@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 import obsplan as op
+from formulations.beam_search import search, selection
+from formulations.beam_search.branching import branching
 from formulations.beam_search.compiled import machine_code
-from formulations.beam_search.search import beam_of
+from formulations.beam_search.interpreted import Interpreted
 from formulations.model import compiler
 from formulations.solution import Solution, Status
 from obsplan.planners import information
@@ -86,22 +88,35 @@ def ranged(P, x, sigma, pings):
     return P - (Pu / (R + along)[..., None])[..., :, None] * Pu[..., None, :]
 
 
+def selected_in_numpy(auvs, turns, squared, criterion, _stages, width):
+    """Branchings as machine code, one sequence after the other; the rest on arrays."""
+    return Interpreted(branching(auvs, turns, squared, criterion), turns, width)
+
+
 @pytest.fixture
 def road(request, monkeypatch):
     """How the search is run."""
-    beam_of.cache_clear()
-    machine_code.cache_clear()
+    for kept in (search.beam_of, machine_code, branching):
+        kept.cache_clear()
     if request.param == "numpy":
         monkeypatch.setattr(information, "search_manoeuvres", in_numpy)
+    if request.param == "selected-in-numpy":
+        monkeypatch.setattr(search, "beam_of", selected_in_numpy)
+    if request.param == "looked-at-in-numpy":
+        monkeypatch.setattr(selection, "look_function", lambda: None)
     if request.param == "virtual-machine":
         monkeypatch.setattr(compiler, "find_compiler", lambda: None)
+        monkeypatch.setattr(selection, "look_function", lambda: None)
     yield request.param
-    beam_of.cache_clear()
-    machine_code.cache_clear()
+    monkeypatch.undo()
+    for kept in (search.beam_of, machine_code, branching):
+        kept.cache_clear()
 
 
-@pytest.mark.parametrize("auvs", [1, 2, 8])
-@pytest.mark.parametrize("road", ["machine-code", "virtual-machine", "numpy"], indirect=True)
+@pytest.mark.parametrize("auvs", [1, 2, 8, 64])
+@pytest.mark.parametrize(
+    "road", ["machine-code", "selected-in-numpy", "virtual-machine", "numpy"], indirect=True
+)
 def test_decision_of_the_default_planner(benchmark, road, auvs):  # noqa: ARG001
     benchmark.group = f"one decision of `information`, {auvs} AUVs"
     planner = op.InformationHorizon(op.Situation(CNA, ping_interval=15.0))
@@ -112,3 +127,17 @@ def test_decision_of_the_default_planner(benchmark, road, auvs):  # noqa: ARG001
         plain = planner.plan(POSE, beliefs, time=3.0)
     assert decision.turn_rate == plain.turn_rate
     assert decision.score == pytest.approx(plain.score, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "road", ["machine-code", "looked-at-in-numpy", "virtual-machine"], indirect=True
+)
+@pytest.mark.parametrize("near", [False, True])
+def test_decision_of_the_default_planner_among_three_polygons(benchmark, road, near):  # noqa: ARG001
+    benchmark.group = f"one decision of `information` among three polygons, {near=}"
+    corners = np.array([[0.0, -12.0], [40.0, -8.0], [35.0, 30.0], [-4.0, 25.0]])
+    places = [[8.0, 0.0], [-60.0, 5.0], [-10.0, 20.0]] if near else 60.0 * np.eye(3, 2) + 20.0
+    limits = op.Constraints(keep_out=tuple(op.Polygon(points=corners + at) for at in places))
+    planner = op.InformationHorizon(op.Situation(CNA, ping_interval=15.0, constraints=limits))
+    decision = benchmark(planner.plan, POSE, known(2), time=3.0)
+    assert np.isfinite(decision.score)
