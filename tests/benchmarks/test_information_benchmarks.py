@@ -2,8 +2,9 @@
 
 Times are recorded, never asserted; all decide the same. Run alone:
 ``pytest tests/benchmarks/test_information_benchmarks.py --benchmark-group-by=group --benchmark-sort=mean -n 0``.
-Measured in turns on a busy core, numpy took 5.3 to 5.6 times as long as machine code for 1, 2 and 8 AUVs, and
-longer than the virtual machine.
+Measured in turns on a busy core, in CPU time, for 1, 2, 8 and 64 AUVs: machine code 0.13, 0.16, 0.31 and 1.7 ms; branchings as scalar
+machine code and selection in numpy 2.6 to 3.3 times as long, the virtual machine 8 to 18 times, numpy 15 to 23 times.
+Among three polygons, far and near: 1.4 and 1.9 ms; looked at in numpy 2.2 and 4.8 times as long.
 """
 
 import numpy as np
