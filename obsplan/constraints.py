@@ -111,14 +111,15 @@ class Polygon:
         return min(east), min(north), max(east), max(north)
 
     @cached_property
-    def _outline(self) -> Outline:
+    def outline(self) -> Outline:
+        """Its closed line, with what is known of the edges."""
         return outline_of(np.array(self.points))
 
     def signed_distance(
         self, positions: Float[np.ndarray, "*batch 2"]
     ) -> Float[np.ndarray, "*batch"]:
         """Distance [m] to the edge, negative inside."""
-        return signed_distance(positions, self._outline)
+        return signed_distance(positions, self.outline)
 
     def misses(self, legs: Float[np.ndarray, "n 2 2"]) -> Bool[np.ndarray, " n"]:
         """Whether straight legs, from their first to their second place, stay outside."""
@@ -190,12 +191,12 @@ class Constraints:
         At most 0 where they are neither; -inf where there is no keep-out and no geofence.
         """
         worst = np.full(positions.shape[:-1], -np.inf)
-        for area, sign in self._areas:
+        for area, sign in self.areas:
             worst = np.maximum(worst, sign * area.signed_distance(positions))
         return worst
 
     @property
-    def _areas(self) -> list[tuple[Disc | Polygon, float]]:
+    def areas(self) -> list[tuple[Disc | Polygon, float]]:
         """Each keep-out and, last, the geofence, with a sign.
 
         It turns the distance from the edge into a violation.
@@ -225,7 +226,7 @@ class Constraints:
             labels.append("the geofence")
         told = [
             LimitHistory(name=name, violation=sign * area.signed_distance(path))
-            for name, (area, sign) in zip(labels, self._areas, strict=True)
+            for name, (area, sign) in zip(labels, self.areas, strict=True)
         ]
         for i, name in enumerate(names):
             if self.min_separation > 0:
@@ -311,7 +312,7 @@ class Constraints:
         west, south, east, north = self._boxes
         meets_east = (west <= x.max(initial=-np.inf)) & (east >= x.min(initial=np.inf))
         meets_north = (south <= y.max(initial=-np.inf)) & (north >= y.min(initial=np.inf))
-        return list(compress(self._areas, (meets_east & meets_north).tolist()))
+        return list(compress(self.areas, (meets_east & meets_north).tolist()))
 
     @cached_property
     def _boxes(self) -> Float[np.ndarray, "4 areas"]:
@@ -320,7 +321,7 @@ class Constraints:
         A keep-out can be broken only inside it, the geofence anywhere.
         """
         anywhere = (-np.inf, -np.inf, np.inf, np.inf)
-        boxes = [area.box if sign < 0 else anywhere for area, sign in self._areas]
+        boxes = [area.box if sign < 0 else anywhere for area, sign in self.areas]
         return np.array(boxes).reshape(-1, 4).T
 
 
@@ -364,9 +365,11 @@ def first_move_violation(
     poses = arcs(pose, turn_rates, speed, times)
     positions = poses[..., :2]
     half_step = 0.5 * speed * interval / MOVE_POINTS
-    fixed = constraints.fixed_violation(positions).max(axis=-1)
+    centers = _circles(poses[:, -1], radius)
+    away = constraints.fixed_violation(np.concatenate([positions, centers], axis=1))
+    fixed = away[:, :MOVE_POINTS].max(axis=-1)
     if speed > 0:  # a vehicle at rest needs no circle
-        fixed = np.maximum(fixed, loiter_violation(constraints, poses[:, -1], radius).min(axis=-1))
+        fixed = np.maximum(fixed, (away[:, MOVE_POINTS:] + radius).min(axis=-1))
     known = auvs(np.append(0.0, times))
     strides = 0.5 * np.max(np.linalg.norm(np.diff(known, axis=0), axis=-1), axis=-1, initial=0.0)
     apart = np.max(
@@ -385,6 +388,12 @@ def loiter_violation(
 
     A circle counts with what it encloses.
     """
+    return constraints.fixed_violation(_circles(poses, radius)) + radius
+
+
+def _circles(
+    poses: Float[np.ndarray, "*batch 3"], radius: float
+) -> Float[np.ndarray, "*batch 2 2"]:
+    """Centres [m] of the smallest circles left and right of poses."""
     left = radius * np.stack([-np.sin(poses[..., 2]), np.cos(poses[..., 2])], axis=-1)
-    centers = poses[..., None, :2] + np.array([[1.0], [-1.0]]) * left[..., None, :]
-    return constraints.fixed_violation(centers) + radius
+    return poses[..., None, :2] + np.array([[1.0], [-1.0]]) * left[..., None, :]

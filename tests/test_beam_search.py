@@ -1,18 +1,25 @@
 """The search for informative manoeuvres: covariances against integrated differential equations, the beam against every sequence."""
 
+import ctypes
 import itertools
 import math
 
+import casadi as ca
 import numpy as np
 import pytest
 from oracles import arc
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from formulations import beam_search as search
-from formulations.beam_search import LOOKS, branching, search_manoeuvres, turn_candidates
+from formulations.beam_search import search, search_manoeuvres, selection, turn_candidates
+from formulations.beam_search.branching import branching
+from formulations.beam_search.compiled import Compiled, machine_code
+from formulations.beam_search.interpreted import Interpreted
+from formulations.beam_search.search import beam_of
+from formulations.beam_search.selection import LOOKS
 from formulations.model import covariance
-from formulations.model.covariance import Ranging, Tracks, conditioned, motions
+from formulations.model.covariance import Ranging, Tracks, conditioned, motions, pack_array
+from formulations.model.lanes import in_lanes
 from formulations.model.schedule import Stages, ping_stages
 from formulations.solution import Status
 
@@ -302,6 +309,94 @@ def test_known_position_has_a_finite_log_determinant():
     assert np.isfinite(search_manoeuvres(**given, criterion="log-det").objective)
 
 
+# Machine code
+
+
+def beams(auvs, stages, width, *, squared=False, criterion="trace"):
+    """What a search works with, as machine code and as arrays."""
+    library = machine_code(auvs, 5, squared, criterion)
+    if library is None:
+        pytest.skip("there is no C compiler")
+    compiled = Compiled(library, auvs, 5, stages, width)
+    return compiled, Interpreted(branching(auvs, 5, squared, criterion), 5, width)
+
+
+@pytest.mark.parametrize(("squared", "criterion"), [(False, "trace"), (True, "log-det")])
+@pytest.mark.parametrize("width", [1, 7, 60])
+@pytest.mark.parametrize("spoilt", [False, True])
+def test_machine_code_finds_what_arrays_find_to_the_last_bit(squared, criterion, width, spoilt):
+    given = problem(np.random.default_rng(width), auvs=2, stages=4)
+    told = search._told(
+        *(given[name] for name in ("tracks", "process_noise", "weights", "stages", "turn_rates")),
+        speed=2.0,
+        ranging=Ranging(0.7, squared),
+    )
+    if spoilt:  # one turn of the second stage leads nowhere
+        told[1, -2] = math.nan
+    covariance = pack_array(given["covariance"])
+    found = []
+    for beam in beams(2, 4, width, squared=squared, criterion=criterion):
+        beam.begin(given["pose"], covariance)
+        beam.search(told)
+        found.append(beam.first(told))
+    for machine, arrays in zip(*found, strict=True):
+        np.testing.assert_array_equal(machine, arrays)
+
+
+def test_machine_code_goes_stage_by_stage_as_arrays_do():
+    given = problem(np.random.default_rng(21), auvs=3, stages=3)
+    names = ("tracks", "process_noise", "weights", "stages", "turn_rates", "speed", "ranging")
+    told = search._told(*(given[name] for name in names))
+    machine, arrays = beams(3, 3, 40)
+    rng, covariance = np.random.default_rng(22), pack_array(given["covariance"])
+    for beam in (machine, arrays):
+        beam.begin(given["pose"], covariance)
+    for of_stage in told:
+        np.testing.assert_array_equal(machine.pose, arrays.pose)
+        cost = arrays.branch(of_stage)
+        np.testing.assert_array_equal(machine.branch(of_stage), cost)
+        kept = rng.permutation(cost.size)[:40]
+        machine.follow(kept)
+        arrays.follow(kept)
+    for part, other in zip(machine.first(told), arrays.first(told), strict=True):
+        np.testing.assert_array_equal(part, other)
+
+
+def by_machine_code(cost, count):
+    library = machine_code(2, 5, False, "trace")
+    if library is None:
+        pytest.skip("there is no C compiler")
+    kept, key, among = (np.empty(cost.size, dtype=np.int64) for _ in range(3))
+    addresses = [ctypes.c_void_p(a.ctypes.data) for a in (cost, kept, key, among)]
+    sizes = ctypes.c_int64(cost.size), ctypes.c_int64(count)
+    n = library.cheapest(sizes[0], addresses[0], sizes[1], *addresses[1:])
+    return kept[:n]
+
+
+@pytest.mark.parametrize("select", [selection.cheapest, by_machine_code])
+@pytest.mark.parametrize("spread", [0.0, 1.0, 700.0])
+def test_the_cheapest_are_kept_in_their_own_order_and_of_equals_the_first(select, spread):
+    rng = np.random.default_rng(int(spread))
+    for _ in range(200):
+        cost = rng.integers(-3, 9, rng.integers(1, 400)) * np.exp(
+            spread * rng.uniform(-1, 1, 1 if rng.random() < 0.5 else None)
+        )
+        cost = cost * np.where(rng.random(cost.size) < 0.5, 1.0, rng.random(cost.size))
+        for value in (np.nan, -np.nan, np.inf, -np.inf, -0.0, 5e-324):
+            cost[rng.random(cost.size) < 0.1 * rng.integers(0, 3)] = value
+        count = int(rng.integers(1, cost.size + 5))
+        numbers = [i for i in range(cost.size) if cost[i] == cost[i]]
+        nothing = [i for i in range(cost.size) if cost[i] != cost[i]]
+        ranked = sorted(numbers, key=lambda i, cost=cost: (cost[i], i)) + nothing
+        np.testing.assert_array_equal(select(cost, count), sorted(ranked[:count]))
+
+
+def test_an_operation_that_vectors_do_not_have_is_no_silent_other_one():
+    x = ca.SX.sym("x")
+    with pytest.raises(KeyError):
+        in_lanes(ca.Function("f", [x], [ca.tanh(x)]))
+
+
 # Limits
 
 
@@ -357,7 +452,7 @@ def test_sequences_that_are_not_looked_at_are_not_among_the_best(count, share):
             looked.extend(these)
             return broken[these]
 
-        found, worst = search._best(first, inherited, cost, count, look)
+        found, worst = selection.best(first, inherited, cost, count, look)
         whole = np.maximum(inherited, broken)
         expected = np.lexsort((cost, whole, first))[:count]
         for part in (first, whole, cost):
@@ -396,4 +491,4 @@ def test_violation_of_a_sequence_is_the_worst_along_its_arcs():
 
 def test_criterion_that_is_not_known_is_refused_with_those_that_are():
     with pytest.raises(ValueError, match='criterion must be one of trace, log-det, got "logdet"'):
-        branching(1, 3, False, "logdet")
+        beam_of(1, 3, False, "logdet", 2, 9)

@@ -43,7 +43,13 @@ def test_hash_is_of_sources_only_wherever_they_lie_and_however_their_lines_end(c
 
 
 @pytest.mark.parametrize(
-    "name", ["obsplan/planners/circle.py", "obsplan/campaign/worker.py", "formulations/metrics.py"]
+    "name",
+    [
+        "obsplan/planners/circle.py",
+        "obsplan/campaign/worker.py",
+        "formulations/metrics.py",
+        "formulations/beam_search/beam.c",
+    ],
 )
 def test_changed_code_that_flies_changes_the_hash(copy, name):
     package, _, below = name.partition("/")

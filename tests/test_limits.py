@@ -8,10 +8,12 @@ import pytest
 from oracles import Spy, arc, recording, scenario, told
 
 import obsplan as op
+from formulations.beam_search.limits import look_function
+from formulations.beam_search.selection import Feasibility
 from formulations.solution import Status
 from obsplan.constraints import Constraints, Disc, Polygon
 from obsplan.planners import PLANNERS
-from obsplan.planning.limits import margins, within_limits
+from obsplan.planning.limits import LimitsAhead, margins, within_limits
 
 SQUARE = Polygon(points=((-40.0, -40.0), (40.0, -40.0), (40.0, 40.0), (-40.0, 40.0)))
 CNA = op.Unicycle(speed=2.0, min_turn_radius=5.0)
@@ -223,3 +225,52 @@ def test_a_users_planner_is_kept_within_limits_and_one_that_knows_them_is_left_a
         run
     )  # kept, though it need not be
     assert Status.LIMITED.label not in run.status_counts
+
+
+STAR = Polygon(
+    points=tuple(
+        (70.0 + r * math.cos(a), 30.0 + r * math.sin(a))
+        for a, r in zip(np.linspace(0, 6, 24), np.tile([30.0, 12.0], 12), strict=True)
+    )
+)
+FENCES = [
+    None,
+    Disc(x=20.0, y=0.0, radius=150.0),
+    replace(SQUARE, points=3 * np.array(SQUARE.points)),
+]
+
+
+@pytest.mark.parametrize("fence", FENCES)
+@pytest.mark.parametrize("apart", [{}, {"min_separation": 30.0}, {"max_separation": 150.0}])
+@pytest.mark.parametrize("auvs", [0, 1, 3])
+def test_machine_code_looks_at_branches_as_the_limits_say(fence, apart, auvs):
+    if look_function() is None:
+        pytest.skip("there is no C compiler")
+    rng = np.random.default_rng(auvs)
+    keep_out = (STAR, Disc(x=-60.0, y=-20.0, radius=25.0), SQUARE)[: 3 if auvs else 0]
+    situation = op.Situation(
+        CNA, constraints=Constraints(keep_out=keep_out, geofence=fence, **apart)
+    )
+    beliefs = [
+        op.Belief.at(*rng.uniform(-40, 40, 2), heading=0.3, speed=1.0, covariance=np.eye(4))
+        for _ in range(auvs)
+    ]
+    ahead = LimitsAhead(situation, beliefs)
+    pose = np.column_stack([rng.uniform(-200, 200, (500, 2)), rng.uniform(-3, 3, 500)])
+    rates, branches = np.array([0.4, 0.0, -0.1]), rng.permutation(1500)
+    looked = []
+    for numbers in (ahead.numbers(), None):
+        feasible = Feasibility(
+            ahead.along,
+            np.zeros(3),
+            turn_rates=rates,
+            speed=2.0,
+            durations=np.array([9.0]),
+            limits=numbers,
+        )
+        looked.append(feasible._look(ahead.along, pose)(branches))
+    by_machine_code, by_arrays = looked
+    np.testing.assert_allclose(by_machine_code, by_arrays, rtol=1e-12, atol=1e-12)
+    limited = bool(situation.constraints) and (auvs or fence)
+    assert (by_arrays > 0).any() == bool(limited)
+    assert (by_arrays == 0).any()

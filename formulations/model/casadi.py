@@ -58,23 +58,23 @@ def evaluate(
 class Call(threading.local):
     """A Function of one column that gives one, with memory for both that is kept from call to call.
 
-    Each thread has its own memory: ``given``, which the caller fills, and what a call returns,
-    which the next one overwrites.
+    Each thread has its own memory: ``given``, which the caller fills, and ``found``, which a call
+    returns and the next one overwrites.
     """
 
     def __init__(self, function: ca.Function) -> None:
         self.given = np.zeros(function.size1_in(0))
         self.function = function
-        self._found = np.empty(function.size1_out(0))
+        self.found = np.empty(function.size1_out(0))
         buffer, self._run = function.buffer()
         buffer.set_arg(0, self.given.data)  # pyright: ignore[reportCallIssue]
-        buffer.set_res(0, self._found.data)  # pyright: ignore[reportCallIssue]
+        buffer.set_res(0, self.found.data)  # pyright: ignore[reportCallIssue]
         self._buffer = buffer
 
     def __call__(self) -> np.ndarray:
         """Evaluate what is in ``given``."""
         self._run()
-        return self._found
+        return self.found
 
 
 @lru_cache(maxsize=256)
@@ -205,9 +205,9 @@ class Cases:
             _check(argument, count * step)
         _check(shared, self._shared)
         work = np.empty(self._reals + self._integers)
-        reals = _address(work)
+        reals = address(work)
         integers = reals + work.itemsize * self._reals
-        given, found = map(_address, arguments), map(_address, results)
+        given, found = map(address, arguments), map(address, results)
         self._run(count, self._steps, self._given(*given), self._found(*found), integers, reals)
         return results
 
@@ -241,7 +241,7 @@ def _check(array: np.ndarray, size: int) -> None:
         raise ValueError(f"give {size} numbers side by side, got an array of {array.shape}")
 
 
-def _address(array: np.ndarray) -> int:
+def address(array: np.ndarray) -> int:
     """Where the memory of an array is; three times as fast as numpy's own ``ctypes`` attribute."""
     return ctypes.addressof(ctypes.c_char.from_buffer(array.data))
 

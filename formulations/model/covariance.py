@@ -21,12 +21,13 @@ sure of. (Jazwinski 1970, section 9.3: second-order filters.) A squared range's 
 vector.
 """
 
+import math
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from .casadi import SX, of_each, symbol
 
@@ -77,17 +78,30 @@ def unpack(packed: SX, n: int = 4) -> SX:
 
 def pack_array(P: Float[np.ndarray, "*batch n n"]) -> Float[np.ndarray, "*batch half"]:
     """Lower triangles by columns."""
-    rows, columns = triangle(P.shape[-1])
-    return np.ascontiguousarray(P[..., rows, columns])
+    n = P.shape[-1]
+    return P.reshape(*P.shape[:-2], n * n).take(_lower(n), axis=-1)
 
 
 def unpack_array(packed: Float[np.ndarray, "*batch half"]) -> Float[np.ndarray, "*batch n n"]:
     """Symmetric matrices of their lower triangles by columns."""
-    n = (int(np.sqrt(8 * packed.shape[-1] + 1)) - 1) // 2
+    return packed.take(_whole(packed.shape[-1]), axis=-1)
+
+
+@lru_cache(maxsize=8)
+def _lower(n: int) -> Int[np.ndarray, " half"]:
+    """Where in a matrix, row by row, its packed entries are."""
     rows, columns = triangle(n)
-    P = np.empty((*packed.shape[:-1], n, n))
-    P[..., rows, columns] = P[..., columns, rows] = packed
-    return P
+    return n * rows + columns
+
+
+@lru_cache(maxsize=8)
+def _whole(half: int) -> Int[np.ndarray, "n n"]:
+    """Where among packed entries each of a symmetric matrix's is."""
+    n = (math.isqrt(8 * half + 1) - 1) // 2
+    rows, columns = triangle(n)
+    place = np.empty((n, n), dtype=int)
+    place[rows, columns] = place[columns, rows] = np.arange(half)
+    return place
 
 
 def propagate(P: SX, F: SX, Q: SX) -> SX:
@@ -171,7 +185,11 @@ def motions(
     heading: Float[np.ndarray, "*batch"], speed: Float[np.ndarray, "*batch"]
 ) -> Float[np.ndarray, "*batch 3"]:
     """Headings [rad] and speeds as `predict` takes them."""
-    return np.stack([np.cos(heading), np.sin(heading), speed], axis=-1)
+    motion = np.empty((*heading.shape, 3))
+    np.cos(heading, out=motion[..., 0])
+    np.sin(heading, out=motion[..., 1])
+    motion[..., 2] = speed
+    return motion
 
 
 @cache

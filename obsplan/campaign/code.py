@@ -10,6 +10,7 @@ APART = {
     "obsplan": ("cli", "report", "thesis", "missions", "recording.py", "campaign"),
     "formulations": (),
 }
+SOURCES = (".py", ".c")
 FLIES = ("obsplan/campaign/worker.py",)  # though its folder stands apart
 
 
@@ -43,7 +44,9 @@ def hash_of(packages: Mapping[str, Path], besides: Collection[str] = ()) -> str:
 
 def sources(package: str, root: Path, besides: Collection[str] = ()) -> Iterator[tuple[str, Path]]:
     """Names below the package and paths of its sources that fly."""
-    for path in root.rglob("*.py"):
+    for path in root.rglob("*.*"):
+        if path.suffix not in SOURCES:
+            continue
         below = path.relative_to(root)
         name = f"{package}/{below.as_posix()}"
         apart = below.parts[0] in APART[package] and below.parts[0] not in besides

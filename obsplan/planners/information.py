@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
+from jaxtyping import Float
 
 from formulations.beam_search import search_manoeuvres, turn_candidates
 from formulations.model.covariance import Tracks
@@ -13,7 +15,7 @@ from formulations.solution import Status
 from obsplan.constraints import Constraints
 from obsplan.planning.checks import check_at_least, check_choices, check_positive, check_situation
 from obsplan.planning.fallback import straight_on, unusable
-from obsplan.planning.limits import LimitsAhead
+from obsplan.planning.limits import LimitsAhead, positions_ahead
 from obsplan.planning.situation import Situation
 from obsplan.quantities import BEAM_WIDTH, BRANCHES, INTERVAL, STAGES
 from obsplan.types import Belief, Decision, Pose
@@ -61,6 +63,11 @@ class InformationHorizon:
         """The limits it keeps within."""
         return self.situation.constraints
 
+    @cached_property
+    def _candidates(self) -> Float[np.ndarray, " K"]:
+        """Turn rates to try at each stage [rad/s]."""
+        return turn_candidates(self.situation.cna.max_turn_rate, self.turn_rates)
+
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Choose the first turn of the best sequence found."""
         return unusable(self.situation.cna, pose, auvs) or self._search(pose, auvs, time)
@@ -72,7 +79,7 @@ class InformationHorizon:
             return straight_on(cna, pose, Status.INVALID_INPUT, len(auvs))
         stages = ping_stages(time, self.situation.ping_interval, self.horizon, self.stages)
         state = np.array([pose.x, pose.y, pose.heading])
-        turn_rates = turn_candidates(cna.max_turn_rate, self.turn_rates)
+        turn_rates = self._candidates
         noises = [auv.process_noise for auv in auvs]
         limits = LimitsAhead(self.situation, auvs) if self.constraints else None
         best = search_manoeuvres(
@@ -88,6 +95,7 @@ class InformationHorizon:
             criterion=self.criterion,
             beam_width=self.beam_width,
             violation=None if limits is None else limits.along,
+            limits=None if limits is None else limits.numbers(),
             first_violation=None
             if limits is None
             else limits.first_move(state, turn_rates, cna.speed),
@@ -113,7 +121,7 @@ def predicted_tracks(auvs: Sequence[Belief], stages: Stages) -> Tracks:
     """
     ends = np.zeros(stages.duration.size + 1)
     stages.duration.cumsum(out=ends[1:])
-    position = np.stack([auv.ahead(ends) for auv in auvs], axis=1)
+    position = positions_ahead(auvs, ends)
     moved = position[1:] - position[:-1]
     water = moved / stages.duration[:, None, None] - np.array([auv.current for auv in auvs])
     return Tracks(

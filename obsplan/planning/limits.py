@@ -7,8 +7,9 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
+from formulations.beam_search.limits import Limits
 from formulations.solution import Status
-from obsplan.constraints import first_move_violation
+from obsplan.constraints import ROUNDING, first_move_violation
 from obsplan.planning.fallback import predict_path
 from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
@@ -24,20 +25,33 @@ class LimitsAhead:
         self.situation = situation
         self.auvs = auvs
         self.margin = margins(auvs)
+        self._times = np.empty(0)
+        self._positions = np.empty((0, len(auvs), 2))
 
     def expected(self, times: Float[np.ndarray, " T"]) -> Float[np.ndarray, "T M 2"]:
         """Where AUVs are expected [m] at times from now [s]."""
-        positions = np.empty((len(times), len(self.auvs), 2))
-        for k, auv in enumerate(self.auvs):
-            positions[:, k] = auv.ahead(times)
-        return positions
+        return positions_ahead(self.auvs, times)
 
     def along(
         self, positions: Float[np.ndarray, "*batch T 2"], times: Float[np.ndarray, " T"]
     ) -> Float[np.ndarray, "*batch T"]:
         """How far [m] positions at times from now [s] break a limit, 0 where they keep all."""
         limits = self.situation.constraints
-        return limits.violation(positions, self.expected(times), self.margin)
+        if not np.array_equal(times, self._times):  # a search asks again and again for the same
+            self._times, self._positions = times, self.expected(times)
+        return limits.violation(positions, self._positions, self.margin)
+
+    def numbers(self) -> Limits:
+        """`along` as machine code asks it."""
+        limits = self.situation.constraints
+        return Limits(
+            areas=self.situation.areas,
+            min_separation=limits.min_separation,
+            max_separation=limits.max_separation,
+            rounding=ROUNDING,
+            margin=self.margin,
+            expected=self.expected,
+        )
 
     def first_move(
         self,
@@ -56,6 +70,22 @@ class LimitsAhead:
             auvs=self.expected,
             margin=self.margin,
         )
+
+
+def positions_ahead(
+    auvs: Sequence[Belief], times: Float[np.ndarray, " T"]
+) -> Float[np.ndarray, "T M 2"]:
+    """Where AUVs are expected [m] at times from now [s]: `Belief.ahead` of all at once."""
+    means = np.array([auv.mean for auv in auvs]).reshape(-1, 4)
+    heading, speed = means[:, 2], means[:, 3]
+    velocity = np.array([auv.current for auv in auvs], dtype=float).reshape(-1, 2)
+    velocity[:, 0] += speed * np.cos(heading)
+    velocity[:, 1] += speed * np.sin(heading)
+    positions = means[:, :2] + times[:, None, None] * velocity
+    for k, auv in enumerate(auvs):
+        if auv.route is not None:
+            positions[:, k] = auv.route(times)
+    return positions
 
 
 def margins(auvs: Sequence[Belief]) -> Float[np.ndarray, " M"]:

@@ -4,6 +4,7 @@ import math
 from dataclasses import KW_ONLY, dataclass, fields
 from functools import cached_property
 
+from formulations.beam_search.limits import Areas
 from formulations.model.covariance import Ranging
 from obsplan.constraints import UNLIMITED, Constraints, Disc
 from obsplan.planning.checks import check_positive
@@ -43,6 +44,16 @@ class Situation:
             raise ValueError(
                 f"sigma must be positive and finite [{unit}], got {self.ranging.sigma}"
             )
+
+    @cached_property
+    def areas(self) -> Areas:
+        """Keep-outs and geofence as machine code reads them."""
+        return Areas(
+            [
+                ((area.x, area.y, area.radius) if isinstance(area, Disc) else area.outline, sign)
+                for area, sign in self.constraints.areas
+            ]
+        )
 
     @cached_property
     def _hash(self) -> int:

@@ -9,7 +9,7 @@ from time import perf_counter
 import casadi as ca
 import numpy as np
 
-from formulations.model.casadi import evaluate, in_sequence, machine_code
+from formulations.model.casadi import machine_code
 from formulations.model.covariance import unpack_array
 from formulations.solution import Status
 from obsplan.planning.expressions import interpreted
@@ -29,6 +29,7 @@ from obsplan.planning.limits import within_limits
 from obsplan.run import Run, Timing, record
 from obsplan.scenario import Scenario, load
 from obsplan.scenario.states import BASIC
+from obsplan.simulation.advance import Advance
 from obsplan.simulation.inputs import mission_inputs
 from obsplan.simulation.step import Carry, Inputs, Log, StepBuilder, folded, shape_of
 from obsplan.surveys import Reference
@@ -143,14 +144,14 @@ class ClosedLoop:
 
     def _advance(self, carry: Carry, inputs: Inputs, log: Log, k: int, n: int) -> None:
         """Take n steps from step k on."""
-        steps = slice(k, k + n)
-        after = slice(k + 1, k + 1 + n)
-        before = [a[k] for a in carry]
-        given = [a[steps] for a in inputs]
-        carried = [a[after] for a in carry]
-        logged = [a[steps] for a in log]
-        function = in_sequence(self.step, n, len(carry))
-        evaluate(function, before + given, carried + logged)
+        if n not in self._advances:
+            self._advances[n] = Advance(self.step, n)
+        self._advances[n](carry, inputs, log, k)
+
+    @cached_property
+    def _advances(self) -> dict[int, Advance]:
+        """By the number of steps."""
+        return {}
 
     def _walk(
         self, planner: Planner, carry: Carry, inputs: Inputs, log: Log, progress: Progress
@@ -192,21 +193,26 @@ class ClosedLoop:
             None if knowledge == "estimate" else route(*known, now)
             for known in zip(scenario.references, means, strict=True)
         ]
-        noises = scenario.process_noise(assumed=True)
         return [
             Belief(
                 mean=mean,
                 covariance=covariance,
-                process_noise=(float(noise[0]), float(noise[2]), float(noise[3])),
+                process_noise=noise,
                 weight=auv.weight,
                 current=scenario.table.environment.current,
                 route=along,
                 checked=False,
             )
             for mean, covariance, noise, auv, along in zip(
-                means, covariances, noises, scenario.table.auv, routes, strict=True
+                means, covariances, self._noises, scenario.table.auv, routes, strict=True
             )
         ]
+
+    @cached_property
+    def _noises(self) -> list[tuple[float, float, float]]:
+        """Of position, heading and speed, as the filter of each AUV assumes them."""
+        noises = self.scenario.process_noise(assumed=True).tolist()
+        return [(position, heading, speed) for position, _, heading, speed in noises]
 
 
 def prepared(planner: Prepares, start: Pose, progress: Progress) -> Progress:

@@ -1,0 +1,178 @@
+"""The search: what is told of each stage, and the sequence it ends with."""
+
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Float
+
+from ..model.arcs import arcs
+from ..model.covariance import Ranging, Tracks, motions, pack_array
+from ..model.schedule import Stages
+from ..solution import Solution, Status
+from .branching import AUV, CRITERIA, branching, told_sizes
+from .compiled import Compiled, machine_code
+from .interpreted import Interpreted
+from .limits import Limits
+from .selection import Feasibility, Violation
+
+
+def turn_candidates(max_turn_rate: float, count: int) -> Float[np.ndarray, " K"]:
+    """Turn rates to try at each stage [rad/s], from left to right.
+
+    Straight on, and pairs that fall off threefold from the limit.
+    """
+    side = max_turn_rate / 3.0 ** np.arange(count // 2)
+    return np.concatenate([side, [0.0], -side[::-1]])
+
+
+def search_manoeuvres(
+    pose: Float[np.ndarray, "3"],
+    covariance: Float[np.ndarray, "M 4 4"],
+    *,
+    tracks: Tracks,
+    process_noise: Float[np.ndarray, "M 4"],
+    weights: Float[np.ndarray, " M"],
+    stages: Stages,
+    turn_rates: Float[np.ndarray, " K"],
+    speed: float,
+    ranging: Ranging,
+    criterion: str = "trace",
+    beam_width: int = 32,
+    violation: Violation | None = None,
+    first_violation: Float[np.ndarray, " K"] | None = None,
+    limits: Limits | None = None,
+) -> Solution:
+    """Find the turns, one a stage, after which the AUVs' position covariances are smallest.
+
+    Parameters
+    ----------
+    pose
+        Of the aid vehicle: east, north [m], heading [rad].
+    covariance, process_noise
+        Of each AUV's state now; standard deviations of its random walk per square root of a second.
+    tracks, weights
+        Where the AUVs are expected, and what each counts.
+    stages, turn_rates, speed, ranging
+        Of the aid vehicle's horizon, its candidates at each stage [rad/s], its speed [m/s]; how
+        ranges err.
+    criterion
+        ``trace`` [m²] or ``log-det`` [-] of the position covariance after each stage, weighted by
+        the AUVs and averaged over time.
+    beam_width
+        Sequences kept after each stage: those whose first turn breaks limits least, of these those
+        that break them least later, of these the cheapest.
+    violation
+        How far [m] positions (..., T, 2) at times from now [s] are on the wrong side of a limit, at
+        most 0 where they are right.
+    first_violation
+        How far [m] each turn breaks a limit as the first one.
+    limits
+        What ``violation`` says as numbers, where there are any: asked instead of it where there is
+        a compiler.
+
+    Returns
+    -------
+    The best sequence of the last beam; of equals the one that comes first, turning left. ``x``:
+    turn rates [rad/s]. ``poses``: at the beginning and the ends of the stages. ``objective``: the
+    criterion. Primal residual: how far it breaks a limit at the points looked at [m]. The status is
+    the first turn's, which is the one that is taken: ``VIOLATED`` where each breaks a limit, and
+    ``INVALID_INPUT`` where the criterion is no number.
+
+    Raises
+    ------
+    ValueError
+        A criterion that is not known.
+    """
+    S, K = len(stages.duration), len(turn_rates)
+    width = min(beam_width, K**S)
+    sequences = beam_of(len(weights), K, ranging.squared, criterion, S, width)
+    told = _told(tracks, process_noise, weights, stages, turn_rates, speed, ranging)
+    sequences.begin(pose, pack_array(covariance))
+    first = worst = 0.0
+    if violation is None and first_violation is None:
+        sequences.search(told)
+    else:
+        own = np.zeros(K) if first_violation is None else first_violation
+        feasible = Feasibility(
+            violation,
+            own,
+            turn_rates=turn_rates,
+            speed=speed,
+            durations=stages.duration,
+            limits=limits,
+        )
+        for of_stage in told:
+            cost = sequences.branch(of_stage)
+            sequences.follow(feasible.best(sequences.pose, cost, width))
+        first, worst = float(feasible.first[0]), float(feasible.worst[0])
+    cost, turns, poses = sequences.first(told)
+    return Solution(
+        x=turn_rates[turns],
+        objective=cost,
+        status=_status(cost, first),
+        primal_residual=max(first, worst),
+        poses=poses,
+    )
+
+
+def _status(cost: float, first_violation: float) -> Status:
+    if not np.isfinite(cost):
+        return Status.INVALID_INPUT
+    return Status.VIOLATED if first_violation > 0 else Status.OPTIMAL
+
+
+@lru_cache(maxsize=16)
+def beam_of(
+    auvs: int, turns: int, squared: bool, criterion: str, stages: int, width: int
+) -> Compiled | Interpreted:
+    """What a search works with, as machine code where there is a compiler.
+
+    Raises ValueError for a criterion that is not known.
+    """
+    if criterion not in CRITERIA:
+        raise ValueError(f'criterion must be one of {", ".join(CRITERIA)}, got "{criterion}"')
+    library = machine_code(auvs, turns, squared, criterion)
+    if library is None:
+        return Interpreted(branching(auvs, turns, squared, criterion), turns, width)
+    return Compiled(library, auvs, turns, stages, width)
+
+
+def _told(
+    tracks: Tracks,
+    process_noise: Float[np.ndarray, "M 4"],
+    weights: Float[np.ndarray, " M"],
+    stages: Stages,
+    turn_rates: Float[np.ndarray, " K"],
+    speed: float,
+    ranging: Ranging,
+) -> Float[np.ndarray, "S n"]:
+    """What a branching is told at each stage; see `branching`."""
+    S, M = tracks.heading.shape
+    of_auvs, of_stage, of_moves = told_sizes(M, len(turn_rates))
+    told = np.empty((S, of_auvs + of_stage + of_moves))
+    auv = told[:, :of_auvs].reshape(S, M, len(AUV))
+    stage = told[:, of_auvs : of_auvs + of_stage]
+    moves = told[:, of_auvs + of_stage :]
+    auv[0, :, :2] = 0.0  # no ranges before the first stage
+    auv[1:, :, :2] = tracks.position[:-1]
+    auv[..., 2:4] = tracks.position
+    auv[..., 4:7] = motions(tracks.heading, tracks.speed)
+    auv[..., 7:11] = process_noise
+    auv[..., 11] = weights / weights.sum()
+    stage[:, 0] = stages.duration
+    stage[:, 1] = stages.duration / stages.duration.sum()
+    stage[0, 2] = 0.0
+    stage[1:, 2] = stages.pings[:-1]
+    stage[:, 3] = stages.pings
+    stage[:, 4] = ranging.sigma
+    rates = tuple(turn_rates.tolist())
+    for s, duration in enumerate(stages.duration.tolist()):
+        moves[s] = _moves_of(rates, duration, speed)
+    return told
+
+
+@lru_cache(maxsize=256)
+def _moves_of(turn_rates: tuple[float, ...], duration: float, speed: float) -> np.ndarray:
+    """Arcs from the origin, one after the other."""
+    ends = arcs(np.zeros(3), np.array(turn_rates), speed, np.array([duration]))
+    return ends.ravel()

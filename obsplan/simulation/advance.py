@@ -1,0 +1,47 @@
+"""Some time steps in one call, on memory that is kept from call to call."""
+
+import threading
+
+import casadi as ca
+import numpy as np
+
+from formulations.model.casadi import Call, in_sequence, matrix
+from obsplan.simulation.step import Carry, Inputs, Log
+
+
+class Advance(threading.local):
+    """The step a number of times; each thread has memory of its own."""
+
+    def __init__(self, step: ca.Function, count: int) -> None:
+        carried = len(Carry._fields)
+        steps = in_sequence(step, count, carried)
+        sizes = [steps.numel_in(i) for i in range(steps.n_in())]
+        given = matrix("given", sum(sizes))
+        parts = ca.vertsplit(given, np.cumsum([0, *sizes]).tolist())
+        arguments = [ca.reshape(a, *steps.size_in(i)) for i, a in enumerate(parts)]
+        found = ca.vertcat(*(ca.vec(result) for result in steps.call(arguments)))
+        self._call = Call(ca.Function("advance", [given], [found]))
+        self._count = count
+        before = [(1, *step.size_in(i)[::-1]) for i in range(carried)]
+        each = [(count, *step.size_in(i)[::-1]) for i in range(carried, step.n_in())]
+        after = [(count, *step.size_out(i)[::-1]) for i in range(step.n_out())]
+        self._given = _parts(self._call.given, before + each)
+        self._found = _parts(self._call.found, after)
+
+    def __call__(self, carry: Carry, inputs: Inputs, log: Log, k: int) -> None:
+        """Take the steps from step k on."""
+        now, after = slice(k, k + self._count), slice(k + 1, k + 1 + self._count)
+        given = [values[k] for values in carry] + [values[now] for values in inputs]
+        found = [values[after] for values in carry] + [values[now] for values in log]
+        for memory, values in zip(self._given, given, strict=True):
+            memory[...] = values
+        self._call()
+        for memory, values in zip(self._found, found, strict=True):
+            values[...] = memory
+
+
+def _parts(column: np.ndarray, shapes: list[tuple[int, ...]]) -> list[np.ndarray]:
+    """Views of a column's parts, each of a shape."""
+    ends = np.cumsum([np.prod(shape) for shape in shapes])
+    parts = np.split(column, ends[:-1])
+    return [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
