@@ -389,10 +389,11 @@ def record(
     # a carry's command is that of the step before
     command = np.concatenate([carry.command[1:, 0], carry.command[-1:, 0]])
     turn_rate, speed = command.T
+    label = planner.condition_label if isinstance(planner, NamesCondition) else ""
     return Run(
         scenario=scenario,
         planner=name_of(planner),
-        condition_label=planner.condition_label if isinstance(planner, NamesCondition) else "",
+        condition_label=label,
         seed=seed,
         time=scenario.time,
         cna=carry.cna[:, 0],

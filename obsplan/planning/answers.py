@@ -17,10 +17,10 @@ from formulations.solution import Status
 from obsplan.planning.expressions import ROUNDING
 from obsplan.planning.fallback import hold_turn, straight_on
 from obsplan.planning.interface import Planner
+from obsplan.plugins import in_words
 from obsplan.types import Belief, Decision, ObsplanError, Pose
 from obsplan.vehicles import Unicycle
 
-LONGEST = 200  # characters of what an exception says
 FAULTS = (Exception, SystemExit)  # of a planner; an interruption by the user is none
 NUMBERS = "fiu"  # kinds of arrays that are numbers
 # Statuses that nothing may hide which comes later, such as a limit of the mission.
@@ -88,19 +88,38 @@ def fitted(given: Any, cna: Unicycle, n_auvs: int) -> Answer | str:
         return f"turn_rate must be a finite number [rad/s], got {_short(given.turn_rate)}"
     if speed is None or not 0.0 <= speed < math.inf:
         return f"speed must be finite and at least 0 [m/s], got {_short(given.speed)}"
-    flown = min(speed, cna.speed) if speed > cna.speed * (1 + ROUNDING) else speed
-    limit = flown / cna.min_turn_radius
-    fault, decision = "", given
+    wrong = _wrong_figure(given, n_auvs)
+    decision = _without_figures(turn_rate, speed, n_auvs) if wrong else _plain(given)
+    top = cna.speed
+    if speed > top * (1 + ROUNDING):
+        wrong = wrong or f"speed is {speed:g} m/s, and the vehicle does {top:g} m/s"
+        decision = replace(decision, speed=top, status=_worse(decision.status, Status.TOO_FAST))
+    limit = decision.speed / cna.min_turn_radius
     if abs(turn_rate) > limit * (1 + ROUNDING):
         turn = math.copysign(limit, turn_rate)
-        decision = replace(decision, turn_rate=turn, speed=flown, status=Status.CLIPPED)
-    if flown < speed:
-        fault = f"speed is {speed:g} m/s, and the vehicle does {cna.speed:g} m/s"
-        decision = replace(decision, speed=flown, status=Status.TOO_FAST)
-    wrong = _wrong_figure(given, n_auvs)
-    if wrong:
-        return Answer(_without_figures(decision, n_auvs), wrong)
-    return Answer(decision, fault)
+        decision = replace(decision, turn_rate=turn, status=_worse(decision.status, Status.CLIPPED))
+    return Answer(decision, wrong)
+
+
+def _worse(status: Status, clipped: Status) -> Status:
+    """The status that blames the planner, if one does; else that of what was clipped."""
+    return status if status in BLAMES else clipped
+
+
+def _plain(given: Decision) -> Decision:
+    """A decision that is made of plain numbers, whatever class it and its numbers are of."""
+    numbers = given.turn_rate, given.speed, given.score
+    if type(given) is Decision and all(type(number) is float for number in numbers):
+        return given
+    turn_rate, speed, score = map(float, numbers)
+    return Decision(
+        turn_rate=turn_rate,
+        speed=speed,
+        predict=given.predict,
+        score=score,
+        status=given.status,
+        condition=given.condition,
+    )
 
 
 def fitted_commands(commands: np.ndarray, cna: Unicycle) -> tuple[np.ndarray, np.ndarray]:
@@ -113,18 +132,6 @@ def fitted_commands(commands: np.ndarray, cna: Unicycle) -> tuple[np.ndarray, np
     turn = np.where(clipped, np.copysign(limit, turn_rate), turn_rate)
     status = np.select([too_fast, clipped], [Status.TOO_FAST, Status.CLIPPED], np.nan)
     return np.column_stack([turn, flown]), status
-
-
-def in_words(error: BaseException) -> str:
-    """What was raised, on one line."""
-    try:
-        text = " ".join(str(error).split())
-    except Exception:  # an exception of the planner's own may fail to say anything
-        text = ""
-    printable = "".join(letter if letter.isprintable() else "?" for letter in text)
-    if len(printable) > LONGEST:
-        printable = f"{printable[:LONGEST]}..."
-    return ": ".join(filter(None, (type(error).__name__, printable)))
 
 
 def place(error: BaseException, planner: object) -> str:
@@ -191,11 +198,11 @@ def _wrong_figure(given: Decision, n_auvs: int) -> str:
     return "" if callable(given.predict) else "predict must be a function without arguments"
 
 
-def _without_figures(decision: Decision, n_auvs: int) -> Decision:
+def _without_figures(turn_rate: float, speed: float, n_auvs: int) -> Decision:
     """Only the command of a decision."""
     return Decision(
-        turn_rate=float(decision.turn_rate),
-        speed=float(decision.speed),
+        turn_rate=turn_rate,
+        speed=speed,
         status=Status.INVALID_DECISION,
         condition=np.full(n_auvs, np.nan),
     )

@@ -151,6 +151,10 @@ def check_planner(planner: Any) -> None:
     plan = getattr(planner, "plan", None)
     if not callable(plan):
         raise ObsplanError(f"a planner must have a method {CALL}, and {name} has none")
+    if inspect.iscoroutinefunction(plan):
+        raise ObsplanError(
+            f"plan of {name} must return a Decision at once: define it without async"
+        )
     if not _can_be_called(plan):
         raise ObsplanError(
             f"a planner must have a method {CALL}, and {name} has "
