@@ -15,9 +15,8 @@ from obsplan.simulation import ClosedLoop
 
 SPEED, RADIUS = 1.0, 0.5  # of the vehicle in fixed-auv [m/s], [m]
 MISSION = op.load("fixed-auv", settings=["duration=4.0", "planner.interval=0.5"])
-UNDER_LIMITS = MISSION.replace(
-    constraints={"keep_out": [{"x": 6.0, "y": 0.0, "radius": 2.0}], "max_separation": 60.0}
-)
+IN_THE_WAY = {"x": 0.5, "y": 0.6, "radius": 0.25}  # of a circle to the left
+UNDER_LIMITS = MISSION.replace(constraints={"keep_out": [IN_THE_WAY]})
 DECISIONS = 8
 ONE_AUV = np.ones(1)
 
@@ -249,6 +248,8 @@ def test_nothing_that_a_planner_is_given_moves_truth_or_filter(knowledge):
             for array in (auv.mean, auv.covariance):
                 with pytest.raises(ValueError, match="read-only"):
                     array[:] = 1e3
+                with pytest.raises(ValueError, match="WRITEABLE"):
+                    array.setflags(write=True)
         kept.extend(auvs)
         auvs.clear()
         return op.Decision(turn_rate=0.1, speed=1.0, condition=ONE_AUV)
@@ -270,6 +271,7 @@ def test_a_substitute_keeps_the_limits_and_still_blames_the_planner():
         run = op.simulate(UNDER_LIMITS, planner=planner)
         assert run.status_counts == {"planner-failed": DECISIONS}
         assert (run.violation <= 0).all()
+        assert (run.turn_rate < SPEED / RADIUS).any()
 
 
 def test_a_planner_that_fails_over_a_lost_filter_is_not_blamed():
