@@ -1,6 +1,7 @@
 """Whatever a planner raises or returns, the mission is flown to its end within what the vehicle can do, and a status blames the planner."""
 
 import logging
+from contextlib import suppress
 from dataclasses import dataclass
 
 import casadi as ca
@@ -248,8 +249,9 @@ def test_nothing_that_a_planner_is_given_moves_truth_or_filter(knowledge):
             for array in (auv.mean, auv.covariance):
                 with pytest.raises(ValueError, match="read-only"):
                     array[:] = 1e3
-                array.setflags(write=True)
-                array[:] = 1e3
+                with suppress(ValueError):  # of numpy, which allows it of some views
+                    array.setflags(write=True)
+                    array[:] = 1e3
                 array.setflags(write=False)
         kept.extend(auvs)
         auvs.clear()
