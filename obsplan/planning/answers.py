@@ -138,8 +138,10 @@ def place(error: BaseException, planner: object) -> str:
     """Where it was raised in the planner's own file; empty if that cannot be told."""
     plan = getattr(type(planner), "plan", None)
     code = getattr(plan, "__code__", None)
+    if code is None:
+        return ""
     frame, line = error.__traceback__, None
-    while code is not None and frame is not None:
+    while frame is not None:
         if frame.tb_frame.f_code.co_filename == code.co_filename:
             line = frame.tb_lineno
         frame = frame.tb_next
