@@ -30,6 +30,9 @@ class Status(IntEnum):
     BEST_MANOEUVRE = 11
     SOFTENED = 12
     LIMITED = 13
+    PLANNER_FAILED = 14
+    INVALID_DECISION = 15
+    TOO_FAST = 16
 
     @property
     def advice(self) -> str:
@@ -89,6 +92,19 @@ _ADVICE = {
     Status.LIMITED: (
         "the turn wanted breaks a limit; the nearest turn that does not is taken; "
         "nothing to do unless it happens often"
+    ),
+    Status.PLANNER_FAILED: (
+        "the planner raised an exception; the aid vehicle holds its turn, or circles; "
+        "correct the planner"
+    ),
+    Status.INVALID_DECISION: (
+        "what the planner returned is no valid decision; for a command that is none the aid "
+        "vehicle holds its turn, or circles, and a figure that is none is left out; "
+        "correct the planner"
+    ),
+    Status.TOO_FAST: (
+        "the speed wanted by the planner is beyond the vehicle's own, which is taken; "
+        "correct the planner, or give the vehicle its true speed"
     ),
 }
 

@@ -18,6 +18,7 @@ from typing import Any
 from obsplan.spelling import nearest
 
 SEPARATOR = ":"  # between module and class
+LONGEST = 200  # characters of what an exception says
 
 
 def is_own(kind: object) -> bool:
@@ -87,8 +88,20 @@ def _module(home: str) -> Any:
             "or run obsplan in its folder"
         ) from None
     except Exception as error:  # whatever a user's module raises while it is imported
-        said = f"{type(error).__name__}: {error}"
+        said = in_words(error)
         raise ValueError(f"{home} cannot be imported: {said}; correct the module") from error
+
+
+def in_words(error: BaseException) -> str:
+    """What a user's class raised, on one line."""
+    try:
+        text = " ".join(str(error).split())
+    except Exception:  # a user's own exception may fail to say anything
+        text = ""
+    printable = "".join(letter if letter.isprintable() else "?" for letter in text)
+    if len(printable) > LONGEST:
+        printable = f"{printable[:LONGEST]}..."
+    return ": ".join(filter(None, (type(error).__name__, printable)))
 
 
 def kind_of_object(given: object, known: Mapping[str, type[Any]]) -> str:

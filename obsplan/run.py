@@ -1,6 +1,6 @@
 """What was recorded of a mission, and what follows from it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
@@ -71,6 +71,8 @@ class Run:
     score: Float[np.ndarray, " samples"]  # the planner's own objective
     status: Float[np.ndarray, " samples"]  # code of a Status; nan without a decision
     timing: Timing = field(repr=False)
+    # by status, what was wrong with the planner's first answer of that kind, and when
+    faults: Mapping[str, str] = field(default_factory=dict)
     bounded: bool = True  # whether the certified bound is asked for, where figures are
 
     def __repr__(self) -> str:
@@ -305,14 +307,18 @@ class Run:
         """Figures of merit over all AUVs and per AUV, in metres.
 
         ``bounds`` adds the certified bound, most of the work. Where there is none,
-        ``unbounded`` says why.
+        ``unbounded`` says why. ``faults``, if any, says by status what was wrong first with the
+        planner's answers.
         """
         from obsplan import __version__
 
         per_auv = {
             name: self._figures(slice(i, i + 1), bounds) for i, name in enumerate(self.names)
         }
-        return {
+        more: dict[str, Any] = {"faults": dict(self.faults)} if self.faults else {}
+        if bounds and self.unbounded:
+            more["unbounded"] = self.unbounded
+        return more | {
             "scenario": self.scenario.table.name,
             "planner": self.planner,
             "seed": self.seed,
@@ -320,7 +326,7 @@ class Run:
             "all": self._figures(slice(None), bounds),
             "auv": per_auv,
             "status_counts": self.status_counts,
-        } | ({"unbounded": self.unbounded} if bounds and self.unbounded else {})
+        }
 
     def _figures(self, auvs: slice, bounds: bool) -> dict[str, float | None]:
         nees, separation = self.nees[auvs], self.separation[auvs]
@@ -366,7 +372,13 @@ def _tell(progress: Progress, done: int, auvs: int, share: float) -> None:
 
 
 def record(
-    scenario: Scenario, planner: object, seed: int, carry: Any, log: Any, timing: Timing
+    scenario: Scenario,
+    planner: object,
+    seed: int,
+    carry: Any,
+    log: Any,
+    timing: Timing,
+    faults: Mapping[str, str],
 ) -> Run:
     """Make a run of the loop's carries and logs.
 
@@ -377,10 +389,11 @@ def record(
     # a carry's command is that of the step before
     command = np.concatenate([carry.command[1:, 0], carry.command[-1:, 0]])
     turn_rate, speed = command.T
+    label = planner.condition_label if isinstance(planner, NamesCondition) else ""
     return Run(
         scenario=scenario,
         planner=name_of(planner),
-        condition_label=planner.condition_label if isinstance(planner, NamesCondition) else "",
+        condition_label=label,
         seed=seed,
         time=scenario.time,
         cna=carry.cna[:, 0],
@@ -396,4 +409,5 @@ def record(
         score=np.append(log.score[:, 0, 0], np.nan),
         status=np.append(log.status[:, 0, 0], np.nan),
         timing=timing,
+        faults=faults,
     )

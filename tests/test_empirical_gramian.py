@@ -168,3 +168,34 @@ def test_bad_input_is_refused(changes, message):
     options = {"simulate": simulate, "horizon": T} | changes
     with pytest.raises(ValueError, match=message):
         empirical_gramian(options.pop("simulate"), X0, **options)
+
+
+@pytest.mark.parametrize("turn", [2 * np.pi, 360.0])
+@pytest.mark.parametrize("at", [0.5, 0.5 - 4e-6])  # of a turn: only the longer step goes past it
+def test_an_angle_that_wraps_is_refused_by_its_number(turn, at):
+    time = np.linspace(0.0, 1.0, 21)
+
+    def compass(x):
+        heading = (x[0] + 0.5 * turn) % turn - 0.5 * turn
+        return np.stack([x[0] + time, heading + 0.0 * time], axis=-1)
+
+    with pytest.raises(ValueError, match=r"output 1 jumps by .* where state 0 is moved"):
+        empirical_gramian(compass, np.array([at * turn]), horizon=1.0, epsilon=1e-5 * turn)
+    free = empirical_gramian(compass, np.array([0.3 * turn]), horizon=1.0)
+    np.testing.assert_allclose(free, [[2.0]], rtol=1e-6)
+
+
+def test_a_list_is_as_good_as_an_array():
+    def distance(x):
+        return np.hypot(x[0] + np.linspace(0.0, 1.0, 21), x[1])[:, None]
+
+    np.testing.assert_array_equal(
+        empirical_gramian(distance, [30.0, 40.0], horizon=1.0),
+        empirical_gramian(distance, np.array([30.0, 40.0]), horizon=1.0),
+    )
+    exact = exact_gramian(
+        lambda t, x, u, p: ca.vertcat(1.0, 0.0), lambda t, x, u, p: ca.norm_2(x), n=2, steps=20
+    )
+    np.testing.assert_array_equal(
+        exact([30.0, 40.0], horizon=2.0), exact(np.array([30.0, 40.0]), horizon=2.0)
+    )

@@ -73,18 +73,6 @@ def test_plan_without_time_is_refused_before_the_mission():
         op.simulate(scenario(), planner=Timeless())
 
 
-@pytest.mark.parametrize("answer", [(0.1, 2.0), None, 0.1])
-def test_anything_but_a_decision_is_refused_by_its_type(answer):
-    class Other:
-        def plan(self, pose, auvs, *, time=0.0):
-            return answer
-
-    kind = type(answer).__name__
-    words = rf"plan of Other must return an obsplan\.Decision, and returned {kind}"
-    with pytest.raises(op.ObsplanError, match=words):
-        op.simulate(scenario(), planner=Other())
-
-
 def test_scenario_tells_each_planner_all_of_the_situation_once():
     mission = scenario(
         time_step=0.5,

@@ -28,12 +28,12 @@ def quiet(**change):
 
 @dataclass
 class Wanderer:
-    """A user's planner: turn and speed at random, faster and slower than the vehicle cruises."""
+    """A user's planner: turn and speed at random, within what the vehicle can do."""
 
     generator: np.random.Generator = field(default_factory=lambda: np.random.default_rng(8))
 
     def plan(self, pose, auvs, *, time=0.0):
-        speed = float(self.generator.uniform(0.0, 3.0))
+        speed = float(self.generator.uniform(0.0, 2.0))
         turn_rate = float(self.generator.uniform(-1.0, 1.0)) * speed / 5.0
         path = np.array([[pose.x, pose.y, pose.heading]])
         return op.Decision(
@@ -392,12 +392,12 @@ def test_decisions_outside_the_step_are_timed_and_folded_ones_are_not():
     [
         (9.0, 2.0, "clipped"),
         (-9.0, -2.0, "clipped"),
-        (np.nan, 0.0, "invalid-input"),
-        (np.inf, 0.0, "invalid-input"),
+        (np.nan, 2.0, "invalid-decision"),
+        (np.inf, 2.0, "invalid-decision"),
         (1.5, 1.5, "optimal"),
     ],
 )
-def test_vehicle_flies_no_turn_beyond_its_limit_and_none_that_is_no_number(
+def test_vehicle_flies_no_turn_beyond_its_limit_and_circles_where_it_is_no_number(
     turn_rate, flown, status
 ):
     class Wild:

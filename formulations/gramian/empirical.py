@@ -3,7 +3,7 @@
 Nothing need be known of the model inside.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,11 +14,15 @@ from .samples import quadrature_weights, whitening_matrix
 # Near the cube root of a double's rounding, where truncation and rounding of a central difference
 # meet.
 EPSILON = 1e-5
+# By which an angle or a line's direction wraps, in radians and degrees, and how near to it a jump
+# is that is no noise.
+WHOLE_TURNS = (np.pi, 2 * np.pi, 180.0, 360.0)
+NEAR = 1e-5
 
 
 def empirical_gramian(
     simulate: Callable[[Any], Any],
-    x0: Float[np.ndarray, " n"],
+    x0: Float[np.ndarray, " n"] | Sequence[float],
     *,
     horizon: float,
     epsilon: float | Float[np.ndarray, " n"] = EPSILON,
@@ -41,7 +45,7 @@ def empirical_gramian(
     simulate
         x0 -> outputs (..., samples, y) at equally spaced times over the horizon, both ends
         included: plain Python or a CasADi Function. Leading axes (controls, say) come back as
-        leading axes of W. Angles must not wrap.
+        leading axes of W. Angles must not wrap; one that does near ``x0`` is refused.
     horizon
         T [s].
     epsilon
@@ -53,9 +57,10 @@ def empirical_gramian(
     Raises
     ------
     ValueError
-        If a displacement is not positive, the outputs are not samples x y, or rule, horizon or R
-        are not valid.
+        If a displacement is not positive, the outputs are not samples x y, one jumps, as an angle
+        does that wraps, or rule, horizon or R are not valid.
     """
+    x0 = np.asarray(x0, dtype=float)
     steps = np.broadcast_to(np.asarray(epsilon, dtype=float), x0.shape)
     if not np.all(steps > 0):
         raise ValueError(
@@ -64,8 +69,12 @@ def empirical_gramian(
         )
     displacements = np.diag(steps)
     differences = []
-    for displacement, step in zip(displacements, steps, strict=True):
+    for i, (displacement, step) in enumerate(zip(displacements, steps, strict=True)):
         up, down = _outputs(simulate, x0 + displacement), _outputs(simulate, x0 - displacement)
+        if (suspects := _far_apart(up, down)).any():
+            half = displacement / 2
+            nearer = _outputs(simulate, x0 + half) - _outputs(simulate, x0 - half)
+            _refuse_jump(up - down, nearer, suspects, state=i)
         differences.append((up - down) / (2 * step))
     J = np.stack(differences, axis=-1)
     samples, outputs, n = J.shape[-3:]
@@ -73,6 +82,27 @@ def empirical_gramian(
     whitened = weights * (whitening_matrix(R, outputs) @ J)
     F = whitened.reshape(*J.shape[:-3], samples * outputs, n)
     return np.swapaxes(F, -1, -2) @ F
+
+
+def _far_apart(up: np.ndarray, down: np.ndarray) -> np.ndarray:
+    """Where outputs differ by more than half of the greatest value of their kind."""
+    greatest = np.maximum(np.abs(up), np.abs(down)).max(axis=-2, keepdims=True)
+    return np.abs(up - down) > 0.5 * greatest
+
+
+def _refuse_jump(
+    difference: np.ndarray, nearer: np.ndarray, suspects: np.ndarray, *, state: int
+) -> None:
+    """Refuse a difference that is not halved with the displacement, but for a whole turn."""
+    excess = np.abs(difference - 2 * nearer)
+    turns = np.isclose(excess[..., None], WHOLE_TURNS, rtol=NEAR, atol=0.0).any(axis=-1)
+    jumps = suspects & turns
+    if jumps.any():
+        place = tuple(np.argwhere(jumps)[0])
+        raise ValueError(
+            f"output {place[-1]} jumps by {excess[place]:.6g} where state {state} is moved, as an "
+            "angle does that wraps; return it unwrapped, or its sine and cosine"
+        )
 
 
 def _outputs(simulate: Callable[[Any], Any], x0: np.ndarray) -> np.ndarray:

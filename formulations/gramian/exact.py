@@ -4,7 +4,7 @@ It is compiled once for any dynamics f and measurement h.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -193,11 +193,11 @@ class ExactGramian:
 
     def __call__(
         self,
-        x0: Float[np.ndarray, "... n"],
-        u: Float[np.ndarray, "... m"] | None = None,
+        x0: Float[np.ndarray, "... n"] | Sequence[Any],
+        u: Float[np.ndarray, "... m"] | Sequence[Any] | None = None,
         *,
         horizon: float,
-        p: Float[np.ndarray, "... q"] | None = None,
+        p: Float[np.ndarray, "... q"] | Sequence[Any] | None = None,
         t0: float = 0.0,
         R: Float[np.ndarray, "y y"] | None = None,
     ) -> Float[np.ndarray, "... n n"]:
@@ -219,8 +219,8 @@ class ExactGramian:
 
     def factor(
         self,
-        x0: Float[np.ndarray, "... n"],
-        u: Float[np.ndarray, "... m"] | None = None,
+        x0: Float[np.ndarray, "... n"] | Sequence[Any],
+        u: Float[np.ndarray, "... m"] | Sequence[Any] | None = None,
         **conditions: Any,
     ) -> Float[np.ndarray, "... rows n"]:
         """Evaluate the factor F of W = F'F; arguments as in a call.
@@ -234,8 +234,8 @@ class ExactGramian:
 
     def converged(
         self,
-        x0: Float[np.ndarray, "... n"],
-        u: Float[np.ndarray, "... m"] | None = None,
+        x0: Float[np.ndarray, "... n"] | Sequence[Any],
+        u: Float[np.ndarray, "... m"] | Sequence[Any] | None = None,
         *,
         rtol: float,
         **conditions: Any,
@@ -255,6 +255,7 @@ class ExactGramian:
                 "a sum over samples and discrete dynamics have no step to refine; "
                 "use an integral rule of continuous dynamics"
             )
+        u = None if u is None else np.asarray(u, dtype=float)
         coarse, W = self, self(x0, u, **conditions)
         for _ in range(MOST_DOUBLINGS):
             fine = self.refine(2 * coarse.steps)
@@ -273,11 +274,11 @@ class ExactGramian:
     def _evaluate(
         self,
         output: str,
-        x0: np.ndarray,
-        u: np.ndarray | None = None,
+        x0: Any,
+        u: Any = None,
         *,
         horizon: float,
-        p: np.ndarray | None = None,
+        p: Any = None,
         t0: float = 0.0,
         R: np.ndarray | None = None,
     ) -> np.ndarray:
@@ -286,6 +287,7 @@ class ExactGramian:
             raise ValueError(f"horizon must be positive and finite [s], got {horizon}")
         n, m, q = (self.function.size1_in(i) for i in range(3))
         steps = self.steps
+        x0 = np.asarray(x0, dtype=float)
         u = _given(u, "controls u", (1, m))
         p = _given(p, "parameters p", (q,))
         batch = np.broadcast_shapes(x0.shape[:-1], u.shape[:-2], p.shape[:-1])
@@ -314,10 +316,10 @@ class ExactGramian:
         return np.swapaxes(result, -1, -2).reshape(*batch, rows, n)
 
 
-def _given(value: np.ndarray | None, name: str, shape: tuple[int, ...]) -> np.ndarray:
+def _given(value: Any, name: str, shape: tuple[int, ...]) -> np.ndarray:
     """Return the value, or an empty one if none is needed; raise ValueError if one is."""
     if value is not None:
-        return value
+        return np.asarray(value, dtype=float)
     if shape[-1]:
         raise ValueError(
             f"the model takes {shape[-1]} {name}, got none; "

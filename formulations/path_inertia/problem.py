@@ -10,9 +10,18 @@ import numpy as np
 from jaxtyping import Float
 
 from formulations.path_inertia.closed_form import lateral_offset, offsets
-from formulations.path_inertia.program import Side, TurnProgram, curvature_sides, radius_sides
-from formulations.path_inertia.solvers import SOLVERS
+from formulations.path_inertia.program import (
+    Certificate,
+    Point,
+    Side,
+    TurnProgram,
+    curvature_sides,
+    radius_sides,
+)
+from formulations.path_inertia.solvers import SOLVERS, set_up
 from formulations.solution import Solution, Status
+
+WRONG = 1e-2  # likewise relative; an answer that may be off by more is not inaccurate but wrong
 
 REMEDIES = {
     Status.INFEASIBLE: (
@@ -35,6 +44,24 @@ class Criterion(NamedTuple):
     threshold: float
     scale: float
     constant: float
+
+
+class Turn(NamedTuple):
+    """A turn within the limits, whether the objective still falls beyond them, and residuals."""
+
+    x: float
+    pressed: bool
+    residuals: Certificate
+
+    def error(self, excess: float) -> float:
+        """The largest residual, the gap as the distance that it allows; nan if one is.
+
+        ``excess``: of the objective over that of the other side's best turn, a gap as well.
+        """
+        primal, dual, gap = self.residuals
+        if not math.isfinite(primal + dual + gap + excess):
+            return math.nan
+        return max(primal, dual, math.sqrt(2 * max(gap, excess, 0.0)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +91,8 @@ class PathInertiaProblem:
     curvatures.
 
     The turn is certified to ``tolerance``, relative to the largest of limit, offset and threshold,
-    or the status is ``INACCURATE``.
+    or the status is ``INACCURATE``. Where a solver raises, or what it says is off by more than
+    `WRONG`, the closed form's turn is taken and the status is ``SOLVER_FAILED``.
     """
 
     min_radius: float  # [m]
@@ -102,7 +130,7 @@ class PathInertiaProblem:
         if self.solver not in SOLVERS:
             raise ValueError(f"solver must be one of {', '.join(SOLVERS)}, got {self.solver!r}")
         absolute = self.objective == "difference" and self.gamma > 0
-        object.__setattr__(self, "compiled", SOLVERS[self.solver](absolute))
+        object.__setattr__(self, "compiled", set_up(self.solver, absolute))
 
     def solve(
         self,
@@ -200,28 +228,20 @@ class PathInertiaProblem:
         """Solve over the interval that spans both sides, then clip to one of them."""
         center, threshold = criterion.center, criterion.threshold
         hull = TurnProgram(center, threshold, sides[0][0], sides[-1][1]).bounded()
-        point = self.compiled(hull)
-        failed = not math.isfinite(point.x)
-        if failed:
-            point = hull.optimum()
-        side = TurnProgram(center, threshold, *hull.choose_side(point.x, sides))
-        x = min(max(point.x, side.lower), side.upper)
         reach = self.tolerance * hull.scale
-        end = side.lower if x - side.lower < side.upper - x else side.upper
-        pressed = abs(x - end) <= reach and side.presses(end)
-        if pressed:
-            x = end
-        if pressed or abs(x - point.x) > reach:
-            primal, dual, gap = side.certify(side.with_multipliers(x))
-        else:
-            primal, dual, gap = hull.certify(point)
+        by_hand = _turn(hull, sides, hull.optimum(), reach)
+        turn = self._asked(hull, sides, reach) or by_hand
+        error = turn.error(hull.value(turn.x) - hull.value(by_hand.x))
+        failed = not error <= WRONG * hull.scale
         if failed:
-            status = Status.SOLVER_FAILED
-        elif not max(primal, dual, math.sqrt(2 * gap)) <= reach:
+            turn, status = by_hand, Status.SOLVER_FAILED
+        elif error > reach:
             status = Status.INACCURATE
         else:
-            status = Status.CLIPPED if pressed and self._is_limit(x) else Status.OPTIMAL
-        value = 0.5 * (x - center) ** 2 + threshold * abs(x)
+            clipped = turn.pressed and self._is_limit(turn.x)
+            status = Status.CLIPPED if clipped else Status.OPTIMAL
+        x, (primal, dual, gap) = turn.x, turn.residuals
+        value = hull.value(x)
         return Solution(
             x=np.array([x]),
             objective=criterion.scale * value + criterion.constant,
@@ -232,10 +252,37 @@ class PathInertiaProblem:
             remedies=REMEDIES,
         )
 
+    def _asked(self, hull: TurnProgram, sides: list[Side], reach: float) -> Turn | None:
+        """The solver's turn, of nan if it raised; None where there is no solver."""
+        if self.compiled is TurnProgram.optimum:
+            return None
+        try:
+            point = self.compiled(hull)
+            if math.isfinite(point.x):
+                return _turn(hull, sides, point, reach)
+        except Exception:  # whatever a solver stumbles over, the closed form does not
+            pass
+        return Turn(math.nan, False, Certificate(math.nan, math.nan, math.nan))
+
     def _is_limit(self, x: float) -> bool:
         """Whether a turn is the tightest that the vehicle can make."""
         limit = self.min_radius if self.objective == "difference" else 1 / self.min_radius
         return abs(x) == limit
+
+
+def _turn(hull: TurnProgram, sides: list[Side], point: Point, reach: float) -> Turn:
+    """Clip a solution of the hull to the better side, and certify what comes of it."""
+    side = TurnProgram(hull.center, hull.threshold, *hull.choose_side(point.x, sides))
+    x = min(max(point.x, side.lower), side.upper)
+    end = side.lower if x - side.lower < side.upper - x else side.upper
+    pressed = abs(x - end) <= reach and side.presses(end)
+    if pressed:
+        x = end
+    if pressed or abs(x - point.x) > reach:
+        residuals = side.certify(side.with_multipliers(x))
+    else:
+        residuals = hull.certify(point)
+    return Turn(x, pressed, residuals)
 
 
 @cache

@@ -61,6 +61,10 @@ class TurnProgram(NamedTuple):
         farthest = max(self.threshold, self.lower - self.center, self.center - self.upper)
         return farthest or abs(self.center) or 1.0
 
+    def value(self, x: float) -> float:
+        """The objective."""
+        return 0.5 * (x - self.center) ** 2 + self.threshold * abs(x)
+
     def bounded(self) -> "TurnProgram":
         """Return the same program with limits cut at twice the reach, which no optimum touches."""
         most = 2 * self.reach

@@ -123,7 +123,7 @@ class CompiledCvxpy:
             limits + size,
         )
         if not self.problem.is_dcp(dpp=True):
-            raise RuntimeError(
+            raise NotImplementedError(
                 "the path-inertia program is not DPP in this version of cvxpy: "
                 "it would be rebuilt at every decision"
             )
@@ -163,6 +163,24 @@ SOLVERS: dict[str, Callable[[bool], Compiled]] = {
     "cvxpy-osqp": lambda absolute: CompiledCvxpy(absolute, "OSQP"),
     "cvxpy-clarabel": lambda absolute: CompiledCvxpy(absolute, "CLARABEL"),
 }
+
+
+def set_up(solver: str, absolute: bool) -> Compiled:
+    """Set a solver up; one that cannot be for want of memory, say, fails at each decision.
+
+    Raises
+    ------
+    ImportError
+        It is not installed.
+    NotImplementedError
+        Its version does not do what is needed.
+    """
+    try:
+        return SOLVERS[solver](absolute)
+    except (ImportError, NotImplementedError):
+        raise
+    except Exception:
+        return lambda _: FAILED
 
 
 def _matrices(

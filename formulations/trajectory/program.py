@@ -5,6 +5,7 @@ are 0 wherever the limits can be kept. No bound then is infeasible, which fatrop
 from.
 """
 
+from contextlib import suppress
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -25,6 +26,9 @@ from .expressions import (
 )
 
 TOLERANCE = 1e-8  # of the optimality conditions, in units of the task
+# Largest residual of these conditions, computed anew, of an answer that is believed: each solver
+# scales its own, and true answers had 2e-8 at most, such as had failed 1e-5 at least.
+CERTIFIED = 1e-6
 # Of fatrop: a larger one leaves the neighbourhood of a good start, whose turns are often at their
 # limit.
 FIRST_BARRIER = 1e-4
@@ -142,11 +146,15 @@ class Program:
         return ca.Function("rollout", [given, self._p], [ca.vertcat(*variables), cost])
 
     def build(self, *, timed: bool) -> None:
-        """Compile all that `solve` may need; ``timed``: also what it needs where time is short."""
-        _ = self._rollout
+        """Compile all that `solve` may need; ``timed``: also what it needs where time is short.
+
+        A solver that cannot be compiled is passed over: `solve` then says that it failed.
+        """
+        _ = self._rollout, self._lagrangian
         for name in SOLVERS:
             for iterations in self._allowed if timed else self._allowed[:1]:
-                self._solver(name, iterations)
+                with suppress(Exception):
+                    self._solver(name, iterations)
 
     @property
     def _allowed(self) -> list[int]:
@@ -211,29 +219,33 @@ class Program:
         *,
         seconds: float = np.inf,
     ) -> Answer:
-        """Improve on a sequence; no controls where the solver says it failed.
+        """Improve on a sequence; no controls where the solver failed.
 
+        It failed if it raises or says so, or if its answer does not satisfy the optimality
+        conditions to `CERTIFIED`.
         ``bounds``: least and greatest turn rate, and speed. ``seconds``: that it may take, about.
         """
         iterations = self._affordable(name, seconds)
         if iterations == 0:
             return Answer(None)
         lower, upper = self._bounds(bounds)
-        solver = self._solver(name, iterations)
         try:
             guess = self._rollout(self._given(start), parameters)[0].full()
             # fatrop does not return from numbers that are not finite
             if not (np.isfinite(parameters).all() and np.isfinite(guess).all()):
                 return Answer(None)
+            solver = self._solver(name, iterations)
             found = solver(x0=guess, p=parameters, lbx=lower, ubx=upper, lbg=0.0, ubg=self._rows[1])
-        except RuntimeError:  # whatever a solver stumbles over is a reason to try the next
+            said = solver.stats()
+            taken = max(1, said["iter_count"])
+            self._pace[name] = said["t_wall_total"] / taken
+            if not said["success"]:
+                return Answer(None, taken)
+            certified = self._residual(found, parameters, lower, upper) <= CERTIFIED
+            variables = found["x"].full()
+        except Exception:  # whatever a solver stumbles over is a reason to try the next
             return Answer(None)
-        said = solver.stats()
-        taken = max(1, said["iter_count"])
-        self._pace[name] = said["t_wall_total"] / taken
-        if not said["success"]:
-            return Answer(None, taken)
-        return Answer(self._controls(found["x"].full(), start, bounds), taken)
+        return Answer(self._controls(variables, start, bounds) if certified else None, taken)
 
     def _controls(
         self,
@@ -248,6 +260,40 @@ class Program:
         if not np.isfinite(u).all():
             return None
         return Controls(u[:, 0], u[:, 1] if self.shape.free_speed else start.speeds)
+
+    @cached_property
+    def _lagrangian(self) -> ca.Function:
+        """(variables, parameters, multipliers of the rows) -> gradient of the Lagrangian, rows."""
+        x, rows = self._nlp["x"], self._nlp["g"]
+        multipliers = symbol("multipliers", rows.numel())
+        lagrangian = self._nlp["f"] + ca.dot(multipliers, rows)
+        gradient = ca.gradient(lagrangian, x)
+        return ca.Function("lagrangian", [x, self._p, multipliers], [gradient, rows])
+
+    def _residual(
+        self,
+        found: dict[str, ca.DM],
+        parameters: Float[np.ndarray, " n"],
+        lower: Float[np.ndarray, " x"],
+        upper: Float[np.ndarray, " x"],
+    ) -> float:
+        """Largest residual of the optimality conditions of Karush, Kuhn and Tucker.
+
+        These are violated bounds and rows, the gradient of the Lagrangian, and products of
+        multipliers, negative at lower bounds, and slacks; nan where one is.
+        """
+        gradient, rows = self._lagrangian(found["x"], parameters, found["lam_g"])
+        dual = gradient.full() + found["lam_x"].full()
+        value = np.concatenate([found["x"].full(), rows.full()]).ravel()
+        multiplier = np.concatenate([found["lam_x"].full(), found["lam_g"].full()]).ravel()
+        least = np.concatenate([lower, np.zeros(rows.numel())])
+        most = np.concatenate([upper, self._rows[1]])
+        primal = np.maximum(least - value, value - most)
+        slack = np.where(multiplier < 0, value - least, most - value)
+        held = multiplier != 0
+        gap = np.abs(multiplier[held] * slack[held])
+        residuals = np.concatenate([primal, np.abs(dual).ravel(), gap, [0.0]])
+        return float(residuals.max())
 
     def penalty(self, controls: Controls, parameters: Float[np.ndarray, " n"]) -> float:
         """Cost of breaking the limits, margins included, in the program's objective."""

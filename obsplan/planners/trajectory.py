@@ -101,6 +101,12 @@ class Trajectory:
             raise ValueError(
                 f"speed_range must be 0 < least <= greatest [m/s], got {self.speed_range}"
             )
+        most = self.situation.cna.speed
+        if self.speed_range is not None and self.speed_range[1] > most:
+            raise ValueError(
+                f"speed_range must not exceed the vehicle's speed, {most:g} m/s, "
+                f"got {self.speed_range}; lower it, or give the vehicle its true speed"
+            )
 
     @property
     def constraints(self) -> Constraints:

@@ -10,9 +10,10 @@ import numpy as np
 
 from formulations.model.casadi import Call, matrix, symbol
 from formulations.solution import Status
-from obsplan.planning.fallback import predict_path, straight_on
+from obsplan.planning.fallback import held_turn_rate, predict_path, straight_on
 from obsplan.types import Belief, Decision, Pose
 
+ROUNDING = 1e-9  # relative, by which a command may exceed what the vehicle can do
 OWN = 5  # numbers of a call that are no AUV's: time, and the pose's four
 ROWS = {  # of each of the targets, where AUVs are columns
     "mean": 4,
@@ -72,26 +73,74 @@ class Vectorized:
         return self.expression(time, pose, targets)
 
 
-def guarded(expression: Expression, time: Symbolic, pose: Symbolic, targets: Targets) -> Command:
-    """A planner's command; `unusable` as an expression.
+def guarded(
+    expression: Expression, time: Symbolic, pose: Symbolic, targets: Targets, cna: Any
+) -> Command:
+    """A planner's command within what the vehicle can do; `unusable` as an expression.
 
     It is straight on where what the planner looks at is no number or has no weight, and says why.
+    Where the command alone is no number, the present turn is held.
+
+    Raises
+    ------
+    ValueError
+        A part of the command has not as many entries as it must have.
     """
     command = expression(time, pose, targets)
+    check_sizes(command, targets.mean.shape[1])
     looks = ca.depends_on(command.turn_rate, targets.mean)
     heard = ca.sum1(targets.weight) > 0 if looks else ca.DM(1.0)
     seen = [pose, ca.vec(targets.mean)] if looks else [pose]
-    total = ca.sum1(ca.vertcat(*seen, command.turn_rate))
-    finite = ca.fabs(total) < ca.inf  # CasADi takes x == x for true, whatever x is
-    usable = ca.logic_and(heard, finite)
-    why = ca.if_else(heard, float(Status.INVALID_INPUT), float(Status.NO_TARGETS))
+    valid = ca.logic_and(is_finite(command.speed), command.speed >= 0.0)
+    usable = ca.logic_and(heard, is_finite(*seen, command.turn_rate))
+    usable = ca.logic_and(usable, valid)
+    told = is_finite(time, pose, *(ca.vec(part) for part in targets))
+    fault = ca.if_else(told, float(Status.INVALID_DECISION), float(Status.INVALID_INPUT))
+    why = ca.if_else(heard, fault, float(Status.NO_TARGETS))
+    turn = ca.if_else(why == float(Status.INVALID_DECISION), held_turn_rate(cna, pose[3]), 0.0)
+    fit = fitted(command, cna)
     return Command(
-        turn_rate=ca.if_else(usable, command.turn_rate, 0.0),
-        speed=command.speed,
-        score=ca.if_else(usable, command.score, np.nan),
-        condition=ca.if_else(usable, command.condition, np.nan),
-        status=ca.if_else(usable, command.status, why),
+        turn_rate=ca.if_else(usable, fit.turn_rate, turn),
+        speed=ca.if_else(valid, fit.speed, cna.speed),
+        score=ca.if_else(usable, fit.score, np.nan),
+        condition=ca.if_else(usable, fit.condition, np.nan),
+        status=ca.if_else(usable, fit.status, why),
     )
+
+
+def check_sizes(command: Command, n_auvs: int) -> None:
+    """Refuse a command that is not one number each, with one condition number per AUV.
+
+    Raises
+    ------
+    ValueError
+        Naming the part.
+    """
+    for name, part in command._asdict().items():
+        entries = n_auvs if name == "condition" else 1
+        given = ca.vec(part).numel()
+        if given != entries:
+            raise ValueError(f"{name} of a Command must have {entries} entries, got {given}")
+
+
+def is_finite(*parts: Symbolic) -> Symbolic:
+    """Whether all entries of columns are finite; CasADi takes x == x for true, whatever x is."""
+    return ca.fabs(ca.sum1(ca.vertcat(*parts))) < ca.inf
+
+
+def fitted(command: Command, cna: Any) -> Command:
+    """A command within the vehicle's greatest speed and turn, with the status that says so."""
+    too_fast = command.speed > cna.speed * (1 + ROUNDING)
+    speed = ca.if_else(too_fast, cna.speed, command.speed)
+    limit = speed / cna.min_turn_radius
+    clipped = ca.fabs(command.turn_rate) > limit * (1 + ROUNDING)
+    turn_rate = ca.if_else(clipped, ca.sign(command.turn_rate) * limit, command.turn_rate)
+    status = ca.if_else(clipped, float(Status.CLIPPED), command.status)
+    status = ca.if_else(too_fast, float(Status.TOO_FAST), status)
+    known = ca.logic_and(command.status >= 0, command.status <= float(max(Status)))
+    known = ca.logic_and(known, ca.floor(command.status) == command.status)
+    status = ca.if_else(known, status, float(Status.INVALID_DECISION))
+    return command._replace(turn_rate=turn_rate, speed=speed, status=status)
 
 
 def decide(planner: Any, pose: Pose, auvs: Sequence[Belief], time: float) -> Decision:
@@ -160,13 +209,13 @@ def decision_of(result: np.ndarray, cna: Any, pose: Pose) -> Decision:
     )
 
 
-def decision_function(expression: Expression, n_auvs: int) -> ca.Function:
+def decision_function(expression: Expression, n_auvs: int, cna: Any) -> ca.Function:
     """An expression, guarded: time, pose and each of `Targets` -> each of `Command`."""
     of = matrix if isinstance(expression, Vectorized) else symbol
     time, pose, weight = of("time"), of("pose", 4), of("weight", n_auvs)
     mean, current, covariance = (of(name, ROWS[name], n_auvs) for name in Targets._fields[:-1])
     targets = Targets(mean, current, covariance, weight)
-    command = guarded(expression, time, pose, targets)
+    command = guarded(expression, time, pose, targets, cna)
     results = [ca.densify(result) for result in command]
     return ca.Function("decision", [time, pose, *targets], results)
 
@@ -175,7 +224,7 @@ def decision_function(expression: Expression, n_auvs: int) -> ca.Function:
 def compiled(planner: Any, n_auvs: int) -> Call:
     """The planner's expression for a number of AUVs, built once."""
     expression, known = planner.expression, symbols(n_auvs)
-    decision = decision_function(expression, n_auvs)
+    decision = decision_function(expression, n_auvs, planner.situation.cna)
     command = Command(*decision(known.time, known.pose, *known.targets))
     function = ca.Function("decision", [known.given], [packed(command)])
     return Call(interpreted(function, expression, n_auvs))

@@ -1,8 +1,14 @@
-"""What is done where there is nothing to plan for: straight on, with the status that says why."""
+"""What is done where there is nothing to plan for, or no decision to be had, and says why.
+
+Where there is nothing to plan for, the aid vehicle goes straight on. Where a planner has failed it
+holds its turn, or circles: so it stays near for as long as that lasts.
+"""
 
 from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
+import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
@@ -12,6 +18,7 @@ from obsplan.types import Belief, Decision, Pose
 from obsplan.vehicles import Unicycle
 
 PATH_POINTS = 21  # poses in a predicted path
+WIDEST = 10.0  # smallest radii; a turn that is wider leads away, and is not held
 
 
 def unusable(cna: Unicycle, pose: Pose, auvs: Sequence[Belief]) -> Decision | None:
@@ -33,6 +40,32 @@ def straight_on(cna: Unicycle, pose: Pose, status: Status, n_auvs: int) -> Decis
         status=status,
         condition=np.full(n_auvs, np.nan),
     )
+
+
+def hold_turn(cna: Unicycle, pose: Pose, status: Status, n_auvs: int) -> Decision:
+    """Hold the present turn at cruising speed, or circle, with the status that made it necessary.
+
+    See `held_turn_rate`.
+    """
+    turn_rate = float(held_turn_rate(cna, pose.turn_rate))
+    return Decision(
+        turn_rate=turn_rate,
+        speed=cna.speed,
+        predict=partial(predict_path, cna, pose, turn_rate, cna.speed),
+        status=status,
+        condition=np.full(n_auvs, np.nan),
+    )
+
+
+def held_turn_rate(cna: Unicycle, turn_rate: Any) -> Any:
+    """The present turn rate [rad/s] within the vehicle's limit, as an expression.
+
+    It is that of the smallest circle, to the left, where the vehicle goes straight on or on a
+    circle of more than `WIDEST` of its smallest radii.
+    """
+    limit = cna.max_turn_rate
+    within = ca.fmin(ca.fmax(turn_rate, -limit), limit)
+    return ca.if_else(ca.fabs(turn_rate) * WIDEST >= limit, within, limit)
 
 
 def predict_path(

@@ -13,7 +13,7 @@ from obsplan.types import Belief
 class Filed:
     """Surveys as filed, sampled at the mission's instants, and the AUVs' own uncertainty.
 
-    Two are equal where all their numbers are.
+    Two are equal where all their numbers are. The arrays are copies that nobody can write to.
     """
 
     time: Float[np.ndarray, " samples"]  # [s], in equal steps from 0 to the mission's end
@@ -32,6 +32,10 @@ class Filed:
                 f"a mission needs at least two instants, got {self.time.size}: "
                 "give it a duration of at least one time step"
             )
+        for name in self.__dataclass_fields__:
+            kept = np.array(getattr(self, name))
+            kept.setflags(write=False)
+            object.__setattr__(self, name, kept)
 
     @property
     def time_step(self) -> float:

@@ -96,7 +96,8 @@ class HasExpression(Planner, Protocol):
 class HasCommands(Planner, Protocol):
     """Has fixed every command beforehand.
 
-    They are flown whatever limits there are, and ``plan`` is not called.
+    They are flown whatever limits there are, but no faster and in no tighter turn than the vehicle
+    can. ``plan`` is not called.
     """
 
     @property
@@ -150,6 +151,10 @@ def check_planner(planner: Any) -> None:
     plan = getattr(planner, "plan", None)
     if not callable(plan):
         raise ObsplanError(f"a planner must have a method {CALL}, and {name} has none")
+    if inspect.iscoroutinefunction(plan):
+        raise ObsplanError(
+            f"plan of {name} must return a Decision at once: define it without async"
+        )
     if not _can_be_called(plan):
         raise ObsplanError(
             f"a planner must have a method {CALL}, and {name} has "
@@ -161,20 +166,40 @@ def check_planner(planner: Any) -> None:
             raise ObsplanError(f'{name} has "{attribute}": did you mean "{meant}"? Rename it')
 
 
-def check_decision(decision: Any, planner: object) -> Decision:
-    """Refuse what a planner returns instead of a `Decision`.
+def check_condition_label(planner: object) -> None:
+    """Refuse a name of condition numbers that is no text.
 
     Raises
     ------
     ObsplanError
-        Anything else.
+        Naming the planner.
     """
-    if not isinstance(decision, Decision):
+    label = planner.condition_label if isinstance(planner, NamesCondition) else ""
+    if not isinstance(label, str):
         raise ObsplanError(
-            f"plan of {type(planner).__name__} must return an obsplan.Decision, "
-            f"and returned {type(decision).__name__}"
+            f"condition_label of {type(planner).__name__} must be text, such as κ(W), "
+            f"got {type(label).__name__}"
         )
-    return decision
+
+
+def checked_start(planner: ChoosesStart, start: Pose) -> Pose:
+    """Where a planner wants to start instead of at a pose.
+
+    Raises
+    ------
+    ObsplanError
+        It is no `Pose`, or not all numbers.
+    """
+    pose = planner.initial_pose(start)
+    if (
+        not isinstance(pose, Pose)
+        or not np.isfinite([pose.x, pose.y, pose.heading, pose.turn_rate]).all()
+    ):
+        raise ObsplanError(
+            f"initial_pose of {type(planner).__name__} must return an obsplan.Pose of finite "
+            f"numbers, and returned {pose if isinstance(pose, Pose) else type(pose).__name__}"
+        )
+    return pose
 
 
 def checked_commands(planner: HasCommands, steps: int) -> Float[np.ndarray, "steps 2"]:

@@ -88,6 +88,7 @@ def planner_notes(run: Run) -> list[str]:
     ]
     decisions = [
         f"{run.planner}: {run.status_counts[s.label]} of {total} decisions {s.label}: {s.advice}."
+        + (f" {capital(run.faults[s.label])}." if s.label in run.faults else "")
         for s in odd
     ]
     own = sum(run.status_counts.get(status.label, 0) for status in OWN)

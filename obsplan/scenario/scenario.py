@@ -18,7 +18,7 @@ from obsplan.planners import DEFAULT_PLANNER, planner_class
 from obsplan.planning.filed import Filed
 from obsplan.planning.interface import Planner, check_planner
 from obsplan.planning.situation import Situation
-from obsplan.plugins import class_of
+from obsplan.plugins import class_of, in_words, is_own
 from obsplan.scenario.areas import Role, Shape, as_entry, as_fence, common, shapes_of
 from obsplan.scenario.base import tuples
 from obsplan.scenario.choice import options
@@ -234,7 +234,7 @@ class Scenario(Equipment):
         Raises
         ------
         ObsplanError
-            An option out of its range.
+            An option out of its range, or whatever a user's class raises.
         """
         table = self.table.planner
         cls = planner_class(table.kind)
@@ -246,6 +246,11 @@ class Scenario(Equipment):
             check_planner(planner)
         except (ValueError, ObsplanError) as error:
             raise self.error("planner", error) from None
+        except Exception as error:
+            if not is_own(table.kind):
+                raise  # a fault of ours, to be mended
+            fault = f"{table.kind} cannot be built: {in_words(error)}; correct the class"
+            raise self.error("planner", fault) from error
         return planner
 
     @cached_property

@@ -1,18 +1,19 @@
 """Fly missions: one compiled step, folded over time, the planner inside or called between steps."""
 
-import math
+import logging
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from time import perf_counter
 
 import casadi as ca
 import numpy as np
+from jaxtyping import Float
 
 from formulations.model.casadi import machine_code
 from formulations.model.covariance import unpack_array
-from formulations.solution import Status
-from obsplan.planning.expressions import interpreted
+from obsplan.planning.answers import BLAMES, Answer, ask, blamed, fitted_commands
+from obsplan.planning.expressions import decision_function, interpreted
 from obsplan.planning.interface import (
     ChoosesStart,
     Draws,
@@ -21,9 +22,10 @@ from obsplan.planning.interface import (
     Planner,
     Prepares,
     Progress,
-    check_decision,
+    check_condition_label,
     check_planner,
     checked_commands,
+    checked_start,
 )
 from obsplan.planning.limits import within_limits
 from obsplan.run import Run, Timing, record
@@ -33,10 +35,9 @@ from obsplan.simulation.advance import Advance
 from obsplan.simulation.inputs import mission_inputs
 from obsplan.simulation.step import Carry, Inputs, Log, StepBuilder, folded, shape_of
 from obsplan.surveys import Reference
-from obsplan.types import Belief, Decision, Pose
-from obsplan.vehicles import Unicycle
+from obsplan.types import Belief, Pose
 
-ROUNDING = 1e-9  # relative, by which a turn may exceed the limit
+LOG = logging.getLogger(__name__)
 # AUVs up to which machine code is made of scalars: a quarter faster, but compiled for each AUV
 UNROLLED = 1
 CHUNK = 256  # steps between two looks at the clock and the keyboard
@@ -50,6 +51,11 @@ def simulate(
     progress: Progress | None = None,
 ) -> Run:
     """Fly one mission: move the truth, measure, filter, plan.
+
+    A planner that raises, or returns what the vehicle cannot fly, does not end the mission: each
+    such decision is replaced (`obsplan.planning.answers`), its status blames the planner, and what
+    was wrong first is logged as a warning and kept in `Run.faults`. A planner that does not return
+    holds the mission up.
 
     Parameters
     ----------
@@ -67,14 +73,25 @@ def simulate(
     Raises
     ------
     ObsplanError
-        The scenario or the planner's name is wrong.
+        The scenario or the planner's name is wrong, or the planner fails before the mission.
     """
     scenario = load(scenario) if isinstance(scenario, str) else scenario
     scenario = scenario.replace(planner=planner) if isinstance(planner, str) else scenario
     planner = scenario.planner() if planner is None or isinstance(planner, str) else planner
-    return ClosedLoop(scenario=scenario, planner=planner).fly(
+    run = ClosedLoop(scenario=scenario, planner=planner).fly(
         scenario.table.seed if seed is None else seed, progress=progress
     )
+    for status, fault in run.faults.items():
+        LOG.warning("%s: %s, %s", run.planner, status, fault)
+    return run
+
+
+@dataclass(frozen=True, kw_only=True)
+class Walk:
+    """What is known of a planner after it was called through a mission."""
+
+    seconds: list[float] = field(default_factory=list)  # that each decision took [s]
+    faults: dict[str, str] = field(default_factory=dict)  # by status: when first, and what
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,22 +108,35 @@ class ClosedLoop:
     compiled: bool = False
 
     def __post_init__(self) -> None:
-        check_planner(self.planner)
+        with blamed(self.planner, "say what it offers"):
+            check_planner(self.planner)
+            check_condition_label(self.planner)
 
     @cached_property
     def step(self) -> ca.Function:
         """The Function (Carry, Inputs) -> (Carry, Log) of one time step."""
-        step = StepBuilder(scenario=self.scenario, planner=self.planner).build()
         auvs = len(self.scenario.table.auv)
+        with blamed(self.planner, "build its expression"):
+            expression = folded(self.scenario, self.planner)
+        try:
+            step = StepBuilder(scenario=self.scenario, planner=self.planner).build()
+        except Exception:  # of the expression itself, or of a vehicle, a sensor or a filter
+            if expression is not None:
+                with blamed(self.planner, "build its expression"):
+                    decision_function(expression, auvs, self.scenario.cna)
+            raise
         if self.compiled:
             return machine_code(step.expand() if auvs <= UNROLLED else step)
-        return interpreted(step, folded(self.scenario, self.planner), auvs)
+        return interpreted(step, expression, auvs)
 
     @property
     def start(self) -> Pose:
         """Where the aid vehicle starts: the scenario's start, or where the planner begins."""
         start, planner = self.scenario.start, self.planner
-        return planner.initial_pose(start) if isinstance(planner, ChoosesStart) else start
+        with blamed(planner, "choose its start"):
+            if not isinstance(planner, ChoosesStart):
+                return start
+            return checked_start(planner, start)
 
     def fly(self, seed: int, *, start: Pose | None = None, progress: Progress | None = None) -> Run:
         """Fly the mission under the noise of a seed, from another ``start`` if one is given."""
@@ -115,24 +145,41 @@ class ClosedLoop:
         first, inputs = mission_inputs(self.scenario, start, seed)
         steps = len(inputs.time)
         planner = self.planner
-        if isinstance(planner, Prepares):
-            progress = prepared(planner, start, progress)
+        with blamed(planner, "plan before the mission"):
+            if isinstance(planner, Prepares):
+                progress = prepared(planner, start, progress)
         carry = Carry(*(np.concatenate([a[None], np.empty((steps, *a.shape))]) for a in first))
         log = Log(*(np.empty((steps, *shape_of(name, self.scenario))) for name in Log._fields))
-        decisions: list[float] = []
-        if isinstance(planner, HasCommands):
-            inputs.given[:, 0] = checked_commands(planner, steps)
+        walk = Walk()
+        if (commands := self._commands(steps)) is not None:
+            inputs.given[:, 0], codes = fitted_commands(commands, self.scenario.cna)
             self._fold(carry, inputs, log, progress)
+            log.status[:, 0, 0] = codes
         elif folded(self.scenario, planner) is not None:
             self._fold(carry, inputs, log, progress)
         else:
-            planner = planner.for_mission(seed) if isinstance(planner, Draws) else planner
-            decisions = self._walk(planner, carry, inputs, log, progress)
-        timing = Timing(seconds=perf_counter() - began, decision_seconds=decisions)
+            walk = self._walk(self._of_mission(seed), carry, inputs, log, progress)
+        timing = Timing(seconds=perf_counter() - began, decision_seconds=walk.seconds)
         # a long mission's are large, and not recorded
         carry = carry._replace(reported=None, reported_covariance=None)
         del inputs
-        return record(self.scenario, self.planner, seed, carry, log, timing)
+        return record(self.scenario, self.planner, seed, carry, log, timing, walk.faults)
+
+    def _commands(self, steps: int) -> Float[np.ndarray, "steps 2"] | None:
+        """What the planner has fixed beforehand, if it has."""
+        planner = self.planner
+        with blamed(planner, "give its commands"):
+            return checked_commands(planner, steps) if isinstance(planner, HasCommands) else None
+
+    def _of_mission(self, seed: int) -> Planner:
+        """The planner that is asked in the mission under a seed."""
+        planner = self.planner
+        with blamed(planner, "draw its numbers"):
+            if not isinstance(planner, Draws):
+                return planner
+            drawn = planner.for_mission(seed)
+            check_planner(drawn)
+            return drawn
 
     def _fold(self, carry: Carry, inputs: Inputs, log: Log, progress: Progress) -> None:
         """Advance by whole chunks of steps; the planner is part of the step."""
@@ -155,40 +202,60 @@ class ClosedLoop:
 
     def _walk(
         self, planner: Planner, carry: Carry, inputs: Inputs, log: Log, progress: Progress
-    ) -> list[float]:
-        """Advance from decision to decision, calling the planner; returns the time of each [s]."""
+    ) -> "Walk":
+        """Advance from decision to decision, calling the planner."""
         steps, every = len(inputs.time), self.scenario.decide_every
-        seconds = []
+        walk, free = Walk(), self._is_free(planner)
         for k in range(0, steps, every):
             n = min(every, steps - k)
             began = perf_counter()
             auvs = self._beliefs(carry, inputs, k)
-            decision = self._decision(planner, pose_of(carry, k), auvs, float(inputs.time[k, 0, 0]))
-            seconds.append(perf_counter() - began)
+            time = float(inputs.time[k, 0, 0])
+            decision, fault = self._answer(planner, pose_of(carry, k), auvs, time, free=free)
+            walk.seconds.append(perf_counter() - began)
+            if fault:
+                walk.faults.setdefault(decision.status.label, f"first after {time:g} s: {fault}")
             inputs.given[k : k + n, 0] = decision.turn_rate, decision.speed
             self._advance(carry, inputs, log, k, n)
             log.score[k], log.status[k] = decision.score, decision.status
             log.condition[k, :, 0] = decision.condition if decision.condition.size else np.nan
             if k // CHUNK != (k + n) // CHUNK or k + n == steps:
                 progress(k + n, steps)
-        return seconds
+        return walk
 
-    def _decision(self, planner: Planner, pose: Pose, auvs: list[Belief], time: float) -> Decision:
-        """What the vehicle makes of a manoeuvre, kept within limits the planner does not know."""
-        scenario, limits = self.scenario, self.scenario.constraints
-        decision = check_decision(planner.plan(pose, auvs, time=time), planner)
-        decision = flyable(decision, scenario.cna)
-        if not limits or (isinstance(planner, KeepsLimits) and planner.constraints == limits):
-            return decision
-        return within_limits(decision, pose, auvs, scenario.situation)
+    def _is_free(self, planner: Planner) -> bool:
+        """Whether a planner's decisions are flown as they are: it keeps the limits, if any."""
+        limits = self.scenario.constraints
+        if not limits:
+            return True
+        with blamed(planner, "say which limits it keeps"):
+            return isinstance(planner, KeepsLimits) and bool(planner.constraints == limits)
+
+    def _answer(
+        self, planner: Planner, pose: Pose, auvs: list[Belief], time: float, *, free: bool
+    ) -> Answer:
+        """What the vehicle makes of a planner's answer, kept within limits if it is not free.
+
+        What is flown in place of the planner's decision is always kept within them.
+        """
+        scenario = self.scenario
+        decision, fault = ask(planner, pose, auvs, time=time, cna=scenario.cna)
+        if not scenario.constraints or (free and not fault):
+            return Answer(decision, fault)
+        kept = within_limits(decision, pose, auvs, scenario.situation)
+        if decision.status in BLAMES:
+            kept = replace(kept, status=decision.status)
+        return Answer(kept, fault)
 
     def _beliefs(self, carry: Carry, inputs: Inputs, k: int) -> list[Belief]:
         """What the planner is told of each AUV."""
         scenario, now = self.scenario, float(inputs.time[k].item())
         knowledge = scenario.table.planner.knowledge
         told = {"survey": inputs.survey, "truth": carry.truth}.get(knowledge, carry.reported)
-        means = told[k, :, :BASIC]
+        means = told[k, :, :BASIC].copy()  # of the truth, say, which no planner moves
         covariances = unpack_array(carry.reported_covariance[k])[:, :BASIC, :BASIC]
+        for told_to_planner in (means, covariances):
+            told_to_planner.setflags(write=False)
         routes = [
             None if knowledge == "estimate" else route(*known, now)
             for known in zip(scenario.references, means, strict=True)
@@ -237,22 +304,6 @@ def route(reference: Reference, mean: np.ndarray, now: float) -> Callable[[np.nd
     """Positions ahead of where an AUV is known to be, the rest of its survey still before it."""
     off = mean[:2] - reference.position(now)
     return lambda ahead: reference.position(now + ahead) + off
-
-
-def flyable(decision: Decision, cna: Unicycle) -> Decision:
-    """What the vehicle makes of a decision; the status says so.
-
-    It turns within its limit, and goes straight on where a command is not finite or its
-    speed negative.
-    """
-    if not (np.isfinite([decision.turn_rate, decision.speed]).all() and decision.speed >= 0):
-        return replace(decision, turn_rate=0.0, speed=cna.speed, status=Status.INVALID_INPUT)
-    limit = decision.speed / cna.min_turn_radius
-    if abs(decision.turn_rate) > limit * (1 + ROUNDING):
-        return replace(
-            decision, turn_rate=math.copysign(limit, decision.turn_rate), status=Status.CLIPPED
-        )
-    return decision
 
 
 def pose_of(carry: Carry, k: int) -> Pose:

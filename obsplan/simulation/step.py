@@ -144,7 +144,7 @@ class StepBuilder:
             self.scenario.table.planner.knowledge, carry.reported
         )[:BASIC, :]
         pose = ca.vertcat(carry.cna, carry.command[0])
-        decision = decision_function(expression, auvs)
+        decision = decision_function(expression, auvs, self.scenario.cna)
         new = Command(*decision(inputs.time, pose, *self._targets(known, carry)))
         due = partial(ca.if_else, inputs.decide)
         command = due(ca.vertcat(new.turn_rate, new.speed), carry.command)
