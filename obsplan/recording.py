@@ -347,7 +347,7 @@ def _derived(run: Run) -> Variables:
         ),
         "pcrb": (
             along,
-            np.sqrt(run.cramer_rao[..., 0, 0] + run.cramer_rao[..., 1, 1]),
+            np.sqrt(run.cramer_rao_variance),
             _quantity("m", bound),
         ),
         "separation": (

@@ -1,6 +1,6 @@
 """What was recorded of a mission, and what follows from it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
@@ -11,12 +11,10 @@ from jaxtyping import Float, Integer
 from formulations.certified_bound import InformationBound
 from formulations.consistency import effective_samples
 from formulations.cramer_rao import (
-    position_rms,
     posterior_cramer_rao,
     range_information,
     squared_range_information,
 )
-from formulations.model.covariance import unpack_array
 from formulations.solution import Status
 from obsplan.constraints import LimitHistory
 from obsplan.estimators import Process
@@ -174,26 +172,29 @@ class Run:
         It begins with their first covariance and counts the process noise that the filter assumes.
         A filter that has to find out more than these states cannot reach it.
         """
-        pings = self.scenario.pings
-        return self._posterior(pings, self._range_information(pings))
+        return np.stack(list(self._posterior(self._range_information(self.scenario.pings))))
+
+    @cached_property
+    def cramer_rao_variance(self) -> Float[np.ndarray, "auvs samples"]:
+        """Mean square position error by the `cramer_rao` bound [m^2]; a smaller array than that."""
+        bounds = self._posterior(self._range_information(self.scenario.pings))
+        return np.stack([P[:, 0, 0] + P[:, 1, 1] for P in bounds])
 
     @cached_property
     def unaided(self) -> Float[np.ndarray, "auvs samples n n"]:
         """What `cramer_rao` would be without a single range: that of dead reckoning."""
-        nothing = np.zeros((len(self.names), 0, *self.truth.shape[-1:] * 2))
-        return self._posterior(np.array([], dtype=int), nothing)
+        n, pings = self.truth.shape[-1], self.scenario.pings.size
+        return np.stack(list(self._posterior(np.zeros((len(self.names), pings, n, n)))))
 
     def _posterior(
-        self, pings: Integer[np.ndarray, " pings"], of_ranges: Float[np.ndarray, "auvs pings n n"]
-    ) -> np.ndarray:
-        """Posterior Cramér-Rao bound, compass and the information of ranges at pings counted."""
-        of_compass = self._compass_information()
-        bound = np.empty((*self.truth.shape, self.truth.shape[-1]))
+        self, of_ranges: Float[np.ndarray, "auvs pings n n"]
+    ) -> Iterator[Float[np.ndarray, "samples n n"]]:
+        """Posterior Cramér-Rao bound of each AUV, compass and ranges at the pings counted."""
+        pings, of_compass = self.scenario.pings, self._compass_information()
         for i, (P0, Q) in enumerate(zip(*self._covariances, strict=True)):
             J = of_compass.copy()
             J[pings - 1] += of_ranges[i]
-            bound[i] = posterior_cramer_rao(P0, self._transitions(i), Q, J)
-        return bound
+            yield posterior_cramer_rao(P0, self._transitions(i), Q, J)
 
     def _range_information(self, pings: Integer[np.ndarray, " pings"]) -> np.ndarray:
         """What the range at each ping tells of the true state (auvs x pings x n x n)."""
@@ -330,7 +331,8 @@ class Run:
 
     def _figures(self, auvs: slice, bounds: bool) -> dict[str, float | None]:
         nees, separation = self.nees[auvs], self.separation[auvs]
-        achieved = np.sqrt(np.mean(position_rms(self.cramer_rao[auvs]) ** 2))
+        of_each = np.sqrt(np.mean(self.cramer_rao_variance[auvs], axis=-1))
+        achieved = np.sqrt(np.mean(of_each**2))
         bound, efficiency = np.nan, np.nan
         if bounds and not self.unbounded:
             bound = np.sqrt(np.mean([b.bound for b in self.information_bounds[auvs]]))
@@ -382,8 +384,8 @@ def record(
 ) -> Run:
     """Make a run of the loop's carries and logs.
 
-    Carries have the axes (samples, AUVs, rows), covariances being lower triangles by columns; logs
-    (steps, AUVs, rows).
+    Carries have the axes (samples, AUVs, rows), but covariances those of a run; logs (steps, AUVs,
+    rows).
     """
     missing = np.full((len(scenario.table.auv), 1), np.nan)
     # a carry's command is that of the step before
@@ -401,7 +403,7 @@ def record(
         speed=speed,
         truth=by_auv(carry.truth),
         mean=by_auv(carry.mean),
-        covariance=unpack_array(carry.covariance.swapaxes(0, 1)),
+        covariance=carry.covariance,
         # measured at the step's end
         range=np.concatenate([missing, by_auv(log.range)[..., 0]], axis=1),
         # decided at its beginning

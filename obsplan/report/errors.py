@@ -194,7 +194,7 @@ def _draw_errors(panels: Sequence[Axes], run: Run, time: Float[np.ndarray, " n"]
 
 def _draw_distance(axes: Axes, run: Run, time: Float[np.ndarray, " n"], i: int) -> None:
     _line(axes, time, run.error[i], color=colour(i), lw=0.8)
-    bound = np.sqrt(run.cramer_rao[i, :, 0, 0] + run.cramer_rao[i, :, 1, 1])
+    bound = np.sqrt(run.cramer_rao_variance[i])
     _line(axes, time, bound, **_BOUND)
     scale_errors([axes], run.error[i][None], bound[None], signed=False)
     axes.set_title(f"{run.names[i]}: distance from the truth")

@@ -205,7 +205,8 @@ def _astray(run: Run, i: int, worst: str) -> str:
 
 def _untold(run: Run, i: int) -> str:
     """What to say where the ranges have told next to nothing."""
-    alone, aided = (position_rms(P[i]) for P in (run.unaided, run.cramer_rao))
+    alone = position_rms(run.unaided[i])
+    aided = np.sqrt(np.mean(run.cramer_rao_variance[i]))
     if np.mean(aided**2) < TOLD * np.mean(alone**2):
         return ""
     return "beware, its ranges told next to nothing: dead reckoning alone is as good"

@@ -160,9 +160,10 @@ class ClosedLoop:
         else:
             walk = self._walk(self._of_mission(seed), carry, inputs, log, progress)
         timing = Timing(seconds=perf_counter() - began, decision_seconds=walk.seconds)
-        # a long mission's are large, and not recorded
-        carry = carry._replace(reported=None, reported_covariance=None)
+        # what a run does not hold makes room: of a long mission it is large
         del inputs
+        whole = unpack_array(carry.covariance.swapaxes(0, 1))
+        carry = carry._replace(covariance=whole, reported=None, reported_covariance=None)
         return record(self.scenario, self.planner, seed, carry, log, timing, walk.faults)
 
     def _commands(self, steps: int) -> Float[np.ndarray, "steps 2"] | None:
