@@ -287,7 +287,7 @@ def test_full_disk_is_one_sentence_about_the_folder(run, tmp_path, monkeypatch):
     def full(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_bytes", full)
+    monkeypatch.setattr(Path, "open", full)
     with pytest.raises(
         ObsplanError, match=r"/out cannot be written \(No space left on device\): [^.]*$"
     ):
