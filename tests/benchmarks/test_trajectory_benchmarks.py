@@ -1,6 +1,6 @@
-"""A decision of twenty turns among limits: fatrop from the last trajectory, fatrop and IPOPT from the best manoeuvre.
+"""A decision of twenty turns among limits: fatrop from the last trajectory, fatrop from several manoeuvres, IPOPT from the best one.
 
-Times are recorded, never asserted; every result is checked. Programs are compiled before, and the processor's time is counted. Compare
+Times are recorded, never asserted; every result is checked. Programs are built before, and the processor's time is counted. Compare
 within one run only, and without the shape checks of the tests:
 ``pytest tests/benchmarks/test_trajectory_benchmarks.py -o addopts= --benchmark-sort=mean --benchmark-columns=min,median,rounds``.
 """
@@ -84,6 +84,6 @@ def test_decision(benchmark, monkeypatch, objective, count, by):
         asked._memory.update(last if by == "fatrop, warm" else {})
         return asked.plan(pose, auvs, time=now)
 
-    decide()  # compiles what is not yet
+    asked.build(met[0][0], auvs)
     said = benchmark.pedantic(decide, rounds=2 * DECISIONS).status
     assert said in BY[by]
