@@ -16,6 +16,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from queue import SimpleQueue
 from threading import Lock, Thread
+from typing import cast
 
 from obsplan.campaign.worker import Batch, Flown, fly_batch
 from obsplan.signals import STOPS, ignore_stops
@@ -43,7 +44,7 @@ class Worker:
         with deaf():  # ending it is our business
             process.start()
         theirs.close()  # so that ours ends when the process does
-        return cls(process, ours)
+        return cls(process, cast("Connection", ours))
 
     def await_ready(self) -> None:
         """Wait until it can fly.
