@@ -22,7 +22,7 @@ from obsplan.campaign.worker import Batch, Flown, fly_batch
 from obsplan.signals import STOPS, ignore_stops
 from obsplan.types import ObsplanError
 
-TRIES = 3  # of a batch whose worker dies
+TRIES = 2  # of a batch whose worker dies, before its missions are flown one by one
 NO_WORKER = (
     "no worker process could start: see that there is memory for them; a script must fly its "
     'campaigns under `if __name__ == "__main__":`, because each worker reads the script again'
