@@ -232,6 +232,33 @@ def test_mission_that_kills_its_worker_is_recorded_and_costs_no_other(tmp_path):
     assert len(table) == 40
 
 
+DEADLY = """
+import os
+from dataclasses import dataclass
+import obsplan
+
+@dataclass(frozen=True)
+class Deadly:
+    situation: obsplan.Situation
+
+    def plan(self, pose, auvs, *, time=0.0):
+        os._exit(1)
+"""
+
+
+@pytest.mark.slow
+def test_mission_that_kills_its_process_here_is_recorded_and_costs_no_other(tmp_path):
+    (tmp_path / "deadly.py").write_text(DEADLY)
+    pond = write_scenario(tmp_path, duration=10.0)
+    line = [pond, "--planners", "deadly:Deadly,circle", "--runs", 1, "--workers", 2]
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    process = start(*line, "--out", tmp_path / "out", env=os.environ | {"PYTHONPATH": path})
+    out, err = finish(process, code=3)
+    assert "2 missions: 2 flown now, 0 were there, 1 failed." in out
+    assert err.count("its worker process died every time it was tried") == 1
+    assert sorted(load_campaign(tmp_path / "out")["status"]) == ["done", "failed"]
+
+
 @pytest.mark.slow
 def test_scheduler_that_is_killed_is_one_sentence_and_the_store_goes_on_elsewhere(
     tmp_path, arguments, undisturbed

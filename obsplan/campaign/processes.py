@@ -16,12 +16,13 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from queue import SimpleQueue
 from threading import Lock, Thread
+from typing import cast
 
 from obsplan.campaign.worker import Batch, Flown, fly_batch
 from obsplan.signals import STOPS, ignore_stops
 from obsplan.types import ObsplanError
 
-TRIES = 3  # of a batch whose worker dies
+TRIES = 2  # of a batch whose worker dies, before its missions are flown one by one
 NO_WORKER = (
     "no worker process could start: see that there is memory for them; a script must fly its "
     'campaigns under `if __name__ == "__main__":`, because each worker reads the script again'
@@ -43,7 +44,7 @@ class Worker:
         with deaf():  # ending it is our business
             process.start()
         theirs.close()  # so that ours ends when the process does
-        return cls(process, ours)
+        return cls(process, cast("Connection", ours))
 
     def await_ready(self) -> None:
         """Wait until it can fly.
