@@ -3,7 +3,7 @@
 import ctypes
 import threading
 from functools import lru_cache
-from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -51,7 +51,7 @@ def source(auvs: int, turns: int, squared: bool, criterion: str) -> str:
     defined = "".join(f"#define {name} {size}\n" for name, size in sizes.items())
     poses = in_lanes(composed(turns), shared=[1])
     known = in_lanes(of_one(turns, squared, criterion), shared=[1, 4])
-    driver = files(__package__).joinpath("beam.c").read_text(encoding="utf-8")
+    driver = Path(__file__).with_name("beam.c").read_text(encoding="utf-8")
     return "".join([VECTORS, defined, poses, known, driver])
 
 

@@ -4,7 +4,7 @@ import ctypes
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -110,7 +110,7 @@ class Looking:
 @cache
 def look_function() -> Any:
     """The machine code; None without a compiler."""
-    source = files(__package__).joinpath("look.c").read_text(encoding="utf-8")
+    source = Path(__file__).with_name("look.c").read_text(encoding="utf-8")
     path = compiled_library(source, asked_for=False)
     if path is None:
         return None
