@@ -252,7 +252,7 @@ def test_speeds_and_holds_may_stand_in_the_scenario():
         ),
         (
             {"survey": {**LINE, "holds": [0.0, -1.0]}},
-            r"auv.0.survey: holds\[1\] must be from 0 s to 86400 s, a day, got -1.0",
+            r"auv.0.survey.holds.1 = -1.0 .* must be from 0 to 86400 s",
         ),
         (
             {"survey": {**LINE, "speeds": [True]}},

@@ -6,8 +6,7 @@ from obsplan.constraints import LimitHistory
 from obsplan.run import Run
 
 NO_BOUND = (
-    "No bound over all paths was asked for, or could be found: "
-    "how much better any could be is not known."
+    "No bound over all paths was asked for, or found: how much better any could be is not known."
 )
 
 

@@ -37,7 +37,7 @@ def check_steps(steps: int, auvs: int, *, duration: float, time_step: float, sou
     ObsplanError
         Names the key, the number of steps and what they would take.
     """
-    if steps < 1:
+    if duration < time_step * (1 - 1e-9):
         raise ObsplanError(
             f"{source}: duration: {duration:g} s is shorter than a step of {time_step:g} s, and "
             "nothing would be measured: give a longer mission, or a shorter time_step"

@@ -35,6 +35,7 @@ from obsplan.sensors import SENSORS
 from obsplan.surveys import SURVEYS
 from obsplan.vehicles import VEHICLES
 
+LONGEST_NAME = 120  # letters: files and folders are called so, of 255 bytes at most
 MISSION_FILE = f"mission file ({', '.join(READERS)}), relative to the scenario file"
 
 
@@ -199,7 +200,9 @@ class Auv(Table):
     """One survey vehicle."""
 
     name: str = Field(
-        default="", description="name in tables and figures; default: auv-1, auv-2, ..."
+        default="",
+        max_length=LONGEST_NAME,
+        description="name in tables and figures; default: auv-1, auv-2, ...",
     )
     speed: Annotated[float | None, AUV_SPEED] = Field(
         default=None,
@@ -289,6 +292,7 @@ class ScenarioTable(Table):
 
     name: str = Field(
         default="scenario",
+        max_length=LONGEST_NAME,
         pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$",
         description="letters, digits, dots and hyphens",
     )

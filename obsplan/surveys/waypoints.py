@@ -6,6 +6,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float
 
+from obsplan.quantities import AUV_SPEED, HOLD
 from obsplan.surveys.reference import Reference, check_holds, check_polyline, check_speeds
 from obsplan.types import Points, as_points
 
@@ -23,14 +24,15 @@ class Waypoints:
 
     points: Annotated[Points, "points to pass, in order, each [east, north] [m]"]
     speeds: Annotated[
-        tuple[float, ...] | None,
+        tuple[Annotated[float, AUV_SPEED], ...] | None,
         (
             "speed through the water on each leg [m/s]; default: the AUV's, which holds on every "
             "leg where it is given"
         ),
     ] = None
     holds: Annotated[
-        tuple[float, ...] | None, "time to keep station at each point [s]; default: none"
+        tuple[Annotated[float, HOLD], ...] | None,
+        "time to keep station at each point [s]; default: none",
     ] = None
 
     def __post_init__(self):

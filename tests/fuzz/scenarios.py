@@ -228,6 +228,43 @@ OTHERS: list[Any] = [
 ]
 
 
+EDGES = (
+    0,
+    1,
+    1e-3,
+    0.01,
+    0.1,
+    0.5,
+    2.0,
+    7.0,
+    10.0,
+    50.0,
+    60.0,
+    180.0,
+    1e3,
+    1e4,
+    86_400.0,
+    99e3,
+    1e5,
+    1e6,
+    -1.0,
+    -99e3,
+)
+
+
+def extremes(seed: int, count: int) -> Iterator[dict[str, Any]]:
+    """So many scenarios with several numbers that may just be allowed."""
+    rng = random.Random(seed)
+    for _ in range(count):
+        data = scenario(rng)
+        for _ in range(rng.choice((1, 2, 4))):
+            holder, key = rng.choice(list(places(data)))
+            if isinstance(holder[key], int | float) and not isinstance(holder[key], bool):
+                edge = rng.choice(EDGES)
+                holder[key] = int(edge) if isinstance(holder[key], int) else float(edge)
+        yield data
+
+
 def scenarios(seed: int, count: int) -> Iterator[dict[str, Any]]:
     """So many mutated scenarios, as a TOML file would have them."""
     rng = random.Random(seed)
