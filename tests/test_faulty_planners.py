@@ -196,9 +196,10 @@ def test_faulty_planner_is_flown_to_the_end_and_blamed(planner, status, caplog):
     assert fault.isprintable()
     assert len(fault) < 300
     assert caplog.messages == [f"Faulty: {status}, {fault}"]
-    (note,) = planner_notes(run)
+    note, nothing_own = planner_notes(run)
     assert note.startswith(f"Faulty: 8 of 8 decisions {status}: ")
     assert note.endswith(f"First{fault[5:]}.")
+    assert nothing_own.startswith("Not one of its 8 decisions is what Faulty was asked for")
 
 
 @pytest.mark.parametrize("planner", [RAISED["arithmetic"], NO_DECISION["nothing"]])
