@@ -409,6 +409,16 @@ def test_a_plan_that_is_awaited_is_refused():
         check_planner(Later())
 
 
+def test_what_a_planner_asks_of_numpy_is_its_own():
+    def answer(*_):
+        np.seterr(all="raise")
+        return op.Decision(turn_rate=0.1, speed=1.0)
+
+    before = np.geterr()
+    op.simulate(MISSION, planner=Faulty(answer))
+    assert np.geterr() == before
+
+
 def test_an_interruption_is_no_fault_of_the_planner():
     with pytest.raises(KeyboardInterrupt):
         op.simulate(MISSION, planner=raising(KeyboardInterrupt()))

@@ -62,7 +62,8 @@ def ask(
     """
     n_auvs = len(auvs)
     try:
-        given = planner.plan(pose, [*auvs], time=time)
+        with np.errstate():  # which a planner may change for itself
+            given = planner.plan(pose, [*auvs], time=time)
     except FAULTS as error:
         fault = in_words(error) + place(error, planner)
         return _substitute(Status.PLANNER_FAILED, fault, pose, auvs, cna)
