@@ -11,7 +11,7 @@ from formulations.model.arcs import arc
 from formulations.model.schedule import time_to_next
 from formulations.solution import Status
 from obsplan.planning.candidates import first_of_the_best
-from obsplan.planning.checks import check_at_least, check_situation
+from obsplan.planning.checks import check_situation
 from obsplan.planning.expressions import Command, Symbolic, Targets, Vectorized, decide
 from obsplan.planning.situation import Situation
 from obsplan.quantities import CANDIDATES
@@ -44,7 +44,6 @@ class ErrorEllipse:
 
     def __post_init__(self) -> None:
         check_situation(self)
-        check_at_least(self, turn_rates=2)
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Choose the best turn."""

@@ -20,7 +20,7 @@ from formulations.model.schedule import time_to_next
 from formulations.solution import Status
 from obsplan.constraints import Constraints
 from obsplan.planning.candidates import first_of_the_best
-from obsplan.planning.checks import check_at_least, check_choices, check_positive, check_situation
+from obsplan.planning.checks import check_choices, check_situation
 from obsplan.planning.expressions import (
     Command,
     Symbolic,
@@ -119,8 +119,6 @@ class GramianHorizon:
     def __post_init__(self) -> None:
         check_situation(self)
         check_choices(self)
-        check_positive(self, horizon="s", circles="-")
-        check_at_least(self, turn_rates=2)
         if self.gramian == "empirical" and (self.motion, self.sampling) != (
             "at-rest",
             "continuous",

@@ -13,7 +13,7 @@ from formulations.model.covariance import Tracks
 from formulations.model.schedule import Stages, ping_stages
 from formulations.solution import Status
 from obsplan.constraints import Constraints
-from obsplan.planning.checks import check_at_least, check_choices, check_positive, check_situation
+from obsplan.planning.checks import check_choices, check_situation
 from obsplan.planning.fallback import straight_on, unusable
 from obsplan.planning.limits import LimitsAhead, positions_ahead
 from obsplan.planning.situation import Situation
@@ -49,9 +49,7 @@ class InformationHorizon:
 
     def __post_init__(self) -> None:
         check_situation(self)
-        check_positive(self, horizon="s")
         check_choices(self)
-        check_at_least(self, stages=1, beam_width=1)
         if self.turn_rates < 3 or self.turn_rates % 2 == 0:
             raise ValueError(
                 "turn_rates must be odd and at least 3, straight on and pairs, "

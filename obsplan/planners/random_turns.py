@@ -9,7 +9,7 @@ import numpy as np
 
 from formulations.model.schedule import intervals
 from formulations.solution import Status
-from obsplan.planning.checks import check_at_least, check_positive, check_situation
+from obsplan.planning.checks import check_situation
 from obsplan.planning.fallback import predict_path, straight_on
 from obsplan.planning.situation import Situation
 from obsplan.quantities import INTERVAL, SEED
@@ -35,8 +35,6 @@ class RandomTurns:
 
     def __post_init__(self) -> None:
         check_situation(self)
-        check_at_least(self, seed=0)
-        check_positive(self, hold="s")
 
     def for_mission(self, seed: int) -> "RandomTurns":
         """The planner of a mission flown under a seed."""

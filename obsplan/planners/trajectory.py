@@ -21,7 +21,7 @@ from formulations.trajectory import (
     optimise,
 )
 from obsplan.constraints import Constraints, Disc, Polygon, loiter_violation
-from obsplan.planning.checks import check_at_least, check_choices, check_positive, check_situation
+from obsplan.planning.checks import check_choices, check_situation
 from obsplan.planning.fallback import straight_on, unusable
 from obsplan.planning.interface import Progress
 from obsplan.planning.limits import SURE, LimitsAhead, margins
@@ -91,9 +91,7 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         check_situation(self)
-        check_positive(self, horizon="s", max_turn_acceleration="rad/s^2", deadline="s")
         check_choices(self)
-        check_at_least(self, stages=2, max_iterations=1)
         if (
             self.speed_range is not None
             and not 0 < self.speed_range[0] <= self.speed_range[1] < np.inf

@@ -15,7 +15,7 @@ from formulations.model.schedule import ROUNDING, intervals, is_multiple
 from formulations.solution import Solution
 from formulations.whole_mission import Problem, optimise
 from obsplan.constraints import Constraints
-from obsplan.planning.checks import check_at_least, check_situation
+from obsplan.planning.checks import check_situation
 from obsplan.planning.fallback import unusable
 from obsplan.planning.filed import Filed
 from obsplan.planning.limits import SURE
@@ -78,7 +78,6 @@ class WholeMission:
 
     def __post_init__(self) -> None:
         check_situation(self)
-        check_at_least(self, starts=1, search_seed=0)
         interval, step = self.situation.ping_interval, self.filed.time_step
         if not is_multiple(interval, step):
             raise ValueError(

@@ -43,20 +43,6 @@ def check_positive(planner: object, **units: str) -> None:
             raise ValueError(f"{name} must be positive and finite [{unit}], got {value}")
 
 
-def check_at_least(planner: object, **least: int) -> None:
-    """Refuse a count that is too small; None is no value.
-
-    Raises
-    ------
-    ValueError
-        Naming the field, the least it may be and the value.
-    """
-    for name, bound in least.items():
-        value = getattr(planner, name)
-        if value is not None and not value >= bound:
-            raise ValueError(f"{name} must be at least {bound}, got {value}")
-
-
 def check_situation(planner: Any) -> None:
     """Refuse what is given in place of the situation, such as the vehicle alone.
 
