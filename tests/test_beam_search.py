@@ -18,8 +18,9 @@ from formulations.beam_search.interpreted import Interpreted
 from formulations.beam_search.search import beam_of
 from formulations.beam_search.selection import LOOKS
 from formulations.model import covariance
+from formulations.model.compiler import compiled_library
 from formulations.model.covariance import Ranging, Tracks, conditioned, motions, pack_array
-from formulations.model.lanes import in_lanes
+from formulations.model.lanes import in_lanes, vectors
 from formulations.model.schedule import Stages, ping_stages
 from formulations.solution import Status
 
@@ -389,6 +390,26 @@ def test_the_cheapest_are_kept_in_their_own_order_and_of_equals_the_first(select
         nothing = [i for i in range(cost.size) if cost[i] != cost[i]]
         ranked = sorted(numbers, key=lambda i, cost=cost: (cost[i], i)) + nothing
         np.testing.assert_array_equal(select(cost, count), sorted(ranked[:count]))
+
+
+def test_each_lane_has_the_bits_of_the_function_itself():
+    x, y, shared = ca.SX.sym("x"), ca.SX.sym("y"), ca.SX.sym("s")
+    both = [ca.fmax(x, y), ca.fmin(x, shared), ca.power(x, y), ca.atan2(x, y), x / y - shared]
+    alone = [ca.sqrt(x), ca.exp(x), ca.log(y), ca.sin(x), ca.fabs(y), x**2, 2 * x, 1 / y, x**5]
+    results = ca.vertcat(*both, *alone, ca.cos(shared) * 3.0)
+    function = ca.Function("f", [x, y, shared], [results])
+    wrapped = "void g(const lanes* x, const lanes* y, const double* s, lanes* r) { f(x, y, s, r); }"
+    path = compiled_library(vectors() + in_lanes(function, shared=[2]) + wrapped, asked_for=False)
+    if path is None:
+        pytest.skip("there is no C compiler")
+    arrays = [np.empty(size + 8) for size in (4, 4, 1, 4 * results.numel())]
+    aligned = [a[-a.ctypes.data // 8 % 4 :] for a in arrays]
+    aligned[0][:4], aligned[1][:4] = [0.3, 7.0, np.nan, 2.0], [1.7, -0.1, 1.0, np.nan]
+    aligned[2][0] = 0.7
+    ctypes.CDLL(str(path)).g(*(ctypes.c_void_p(a.ctypes.data) for a in aligned))
+    for lane in range(4):
+        expected = function(aligned[0][lane], aligned[1][lane], 0.7).full()[:, 0]
+        np.testing.assert_array_equal(aligned[3][lane : 4 * results.numel() : 4], expected)
 
 
 def test_an_operation_that_vectors_do_not_have_is_no_silent_other_one():

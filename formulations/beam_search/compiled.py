@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from ..model.casadi import address
 from ..model.compiler import compiled_library
-from ..model.lanes import LANES, VECTORS, in_lanes
+from ..model.lanes import LANES, in_lanes, vectors
 from .branching import AUV, HALF, STAGE, composed, of_one
 
 INTEGER, POINTER = ctypes.c_int64, ctypes.c_void_p
@@ -52,7 +52,7 @@ def source(auvs: int, turns: int, squared: bool, criterion: str) -> str:
     poses = in_lanes(composed(turns), shared=[1])
     known = in_lanes(of_one(turns, squared, criterion), shared=[1, 4])
     driver = Path(__file__).with_name("beam.c").read_text(encoding="utf-8")
-    return "".join([VECTORS, defined, poses, known, driver])
+    return "".join([vectors(), defined, poses, known, driver])
 
 
 class Compiled(threading.local):

@@ -20,8 +20,24 @@ PLAIN = {
     ca.OP_TWICE: "2.0 * {0}",
     ca.OP_INV: "1.0 / {0}",
 }
-# Those that have a function for each; see `VECTORS`.
-CALLED = {ca.OP_FMAX: "fmax", ca.OP_LOG: "log", ca.OP_SIN: "sin", ca.OP_COS: "cos"}
+# Those that have a function in C, by the number of its arguments; vectors ask it lane by lane.
+CALLED = {
+    1: {
+        ca.OP_SQRT: "sqrt",
+        ca.OP_EXP: "exp",
+        ca.OP_LOG: "log",
+        ca.OP_SIN: "sin",
+        ca.OP_COS: "cos",
+        ca.OP_FABS: "fabs",
+    },
+    2: {
+        ca.OP_FMAX: "fmax",
+        ca.OP_FMIN: "fmin",
+        ca.OP_POW: "pow",
+        ca.OP_CONSTPOW: "pow",
+        ca.OP_ATAN2: "atan2",
+    },
+}
 
 LANES = 4  # what two vectors of SSE2 or NEON hold, and one of AVX
 VECTORS = """
@@ -34,10 +50,7 @@ typedef double lanes __attribute__((vector_size(8 * LANES), may_alias));
 typedef int64_t choice __attribute__((vector_size(8 * LANES)));
 #define INLINE static inline __attribute__((always_inline))
 INLINE lanes all(double x) { return (lanes){x, x, x, x}; }
-INLINE lanes lanes_log(lanes x) { return (lanes){log(x[0]), log(x[1]), log(x[2]), log(x[3])}; }
-INLINE lanes lanes_sin(lanes x) { return (lanes){sin(x[0]), sin(x[1]), sin(x[2]), sin(x[3])}; }
-INLINE lanes lanes_cos(lanes x) { return (lanes){cos(x[0]), cos(x[1]), cos(x[2]), cos(x[3])}; }
-/* as C's fmax: what is no number is never the greater */
+/* as C's, not lane by lane: what is no number is never the greater */
 INLINE lanes lanes_fmax(lanes x, lanes y) {
   choice first = (choice)(x > y) | (choice)(y != y);
   return (lanes)((first & (choice)x) | (~first & (choice)y));
@@ -45,8 +58,22 @@ INLINE lanes lanes_fmax(lanes x, lanes y) {
 """
 
 
-def in_lanes(function: ca.Function, *, shared: Collection[int] = (), name: str = "") -> str:
-    """C of a Function of scalars (SX): ``name(inputs..., outputs...)``, pointers to vectors.
+def vectors() -> str:
+    """C of what `in_lanes` uses, to stand before it."""
+    one = "INLINE lanes lanes_{0}(lanes x) {{ return (lanes){{{1}}}; }}"
+    two = "INLINE lanes lanes_{0}(lanes x, lanes y) {{ return (lanes){{{1}}}; }}"
+    lines = [VECTORS]
+    for name in CALLED[1].values():
+        each = ", ".join(f"{name}(x[{i}])" for i in range(LANES))
+        lines.append(one.format(name, each))
+    for name in sorted(set(CALLED[2].values()) - {"fmax"}):
+        each = ", ".join(f"{name}(x[{i}], y[{i}])" for i in range(LANES))
+        lines.append(two.format(name, each))
+    return "\n".join([*lines, ""])
+
+
+def in_lanes(function: ca.Function, *, shared: Collection[int] = ()) -> str:
+    """C of a Function of scalars (SX): its name, inputs and outputs, pointers to vectors.
 
     Inputs that are ``shared`` are plain numbers, the same for each case. Results whose pointer is 0
     are not wanted, and a compiler leaves out what only they need.
@@ -59,7 +86,7 @@ def in_lanes(function: ca.Function, *, shared: Collection[int] = (), name: str =
     kinds = ["double" if i in shared else "lanes" for i in range(function.n_in())]
     given = [f"const {kind}* a{i}" for i, kind in enumerate(kinds)]
     found = [f"lanes* r{i}" for i in range(function.n_out())]
-    lines = [f"INLINE void {name or function.name()}({', '.join(given + found)}) {{"]
+    lines = [f"INLINE void {function.name()}({', '.join(given + found)}) {{"]
     names: dict[int, str] = {}  # where a result is kept -> the last one that was kept there
     plain: set[str] = set()  # names of numbers that are the same for each case
     for k in range(function.n_instructions()):
@@ -92,6 +119,7 @@ def _operation(operation: int, arguments: list[str], plain: set[str]) -> str:
         vectors, prefix = arguments, ""
     else:
         vectors, prefix = [f"all({a})" if a in plain else a for a in arguments], "lanes_"
-    if operation in CALLED:
-        return f"{prefix}{CALLED[operation]}({', '.join(vectors)})"
+    called = CALLED[len(arguments)].get(operation)
+    if called is not None:
+        return f"{prefix}{called}({', '.join(vectors)})"
     return PLAIN[operation].format(*vectors)
