@@ -33,7 +33,7 @@ BAD_PLANS = {
     "a misspelt key": ({"vary": ["cna.sped=1,2"]}, 'unknown key cna.sped; did you mean "speed"'),
     "a value out of range": (
         {"vary": ["cna.speed=1,-1"]},
-        "cna.speed = -1 .* must be greater than 0",
+        "cna.speed = -1 .* must be from 0.001 to 50",
     ),
     "an AUV that is not there": (
         {"vary": ["auv.3.speed=1"]},
