@@ -223,7 +223,7 @@ def test_error_ellipse_at_a_ping_waits_for_the_next_one_however_its_time_is_roun
         ValueError, match=r"ping_interval must be positive and finite \[s\], got 0.0"
     ):
         ErrorEllipse(op.Situation(CNA, ping_interval=0.0))
-    with pytest.raises(ValueError, match="turn_rates must be from 2 to 1001 .*, got 1"):
+    with pytest.raises(ValueError, match=r"turn_rates must be from 2 to 1001 .*, got 1"):
         ErrorEllipse(op.Situation(CNA, ping_interval=1.0), turn_rates=1)
 
 
@@ -264,7 +264,7 @@ def test_random_turns_of_a_mission_are_those_of_its_seed_unless_the_scenario_has
 
 
 def test_random_turns_refuse_by_name_and_value():
-    with pytest.raises(ValueError, match="seed must be from 0 to .*, got -1"):
+    with pytest.raises(ValueError, match=r"seed must be from 0 to .*, got -1"):
         RandomTurns(op.Situation(CNA), seed=-1)
     with pytest.raises(ValueError, match=r"hold must be from 0.001 to 86400 s .*, got 0.0"):
         RandomTurns(op.Situation(CNA), seed=1, hold=0.0)
