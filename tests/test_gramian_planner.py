@@ -257,7 +257,7 @@ def test_horizon_is_given_in_seconds_or_circles():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"circles": 0.0}, r"circles must be positive and finite \[-\], got 0.0"),
+        ({"circles": 0.0}, r"circles must be from 0.01 to 1000 .*, got 0.0"),
         ({"ping_interval": math.nan}, r"ping_interval must be positive and finite \[s\], got nan"),
         ({"sigma": -1.0}, r"sigma must be positive and finite \[m\], got -1.0"),
         ({"heading_sigma": 0.0}, r"heading_sigma must be positive and finite \[rad\], got 0.0"),

@@ -257,13 +257,13 @@ def test_limits_that_cannot_be_kept_are_said_to_be_violated():
 def test_options_out_of_range_are_refused_by_name_value_and_remedy():
     planner = small().planner()
     for change, words in (
-        ({"starts": 0}, "starts must be at least 1, got 0"),
-        ({"search_seed": -1}, "search_seed must be at least 0, got -1"),
+        ({"starts": 0}, "starts must be from 1 to 10000 .*, got 0"),
+        ({"search_seed": -1}, "search_seed must be from 0 to .*, got -1"),
         (
             {"segment": 1.5},
             r"segment must be a whole multiple of the time between decisions, 1.0 s, got 1.5 s",
         ),
-        ({"segment": 0.0}, r"segment must be a whole multiple .*, got 0.0 s"),
+        ({"segment": 0.0}, r"segment must be from 0.001 to 86400 s .*, got 0.0"),
     ):
         with pytest.raises(ValueError, match=words):
             replace(planner, **change)

@@ -5,7 +5,6 @@ from dataclasses import KW_ONLY, dataclass
 from typing import Annotated
 
 import casadi as ca
-import numpy as np
 
 from formulations.solution import Status
 from obsplan.planning.checks import check_situation
@@ -36,10 +35,6 @@ class Trail:
 
     def __post_init__(self) -> None:
         check_situation(self)
-        if not np.isfinite([self.left, self.behind or 0.0]).all():
-            raise ValueError(
-                f"behind and left must be finite [m], got {self.behind} and {self.left}"
-            )
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Steer to the place."""
