@@ -28,6 +28,7 @@ from obsplan.scenario.messages import as_error
 from obsplan.scenario.plausible import check_metres_are_metres, known_speeds
 from obsplan.scenario.settings import NESTED, as_given, replaced, with_planner
 from obsplan.scenario.size import check_auvs, check_current, check_planner_size, check_steps
+from obsplan.scenario.surveys import as_waypoints, asked
 from obsplan.scenario.tables import AreaTable, MissionSurvey, Origin, ScenarioTable
 from obsplan.surveys import SURVEYS, Formation, Motion, Reference, Waypoints
 from obsplan.types import UNCOMPUTABLE, ObsplanError, Pose, uncomputable
@@ -140,7 +141,7 @@ class Scenario(Equipment):
         cls = class_of(auv.survey.kind, SURVEYS)
         survey = cls(**options(cls, auv.survey))
         if not isinstance(survey, Formation):
-            return _asked(survey, auv.speed, current)
+            return asked(survey, auv.speed, current)
         if survey.leader not in done:
             raise ValueError(
                 f'leader "{survey.leader}" is not an AUV listed before "{auv.name}"; '
@@ -338,36 +339,12 @@ class Scenario(Equipment):
         data = self.table.model_dump(mode="json", exclude_none=True)
         for auv, reference, table in zip(data["auv"], self.references, self.table.auv, strict=True):
             if isinstance(table.survey, MissionSurvey):
-                auv["survey"] = _waypoints(reference)
+                auv["survey"] = as_waypoints(reference)
         limits, shapes = data["constraints"], self.constraints
         limits["keep_out"] = [as_entry(shape) for shape in shapes.keep_out]
         if shapes.geofence is not None:
             limits["geofence"] = as_fence(shapes.geofence)
         return data
-
-
-def _asked(survey: Any, speed: float | None, current: Float[np.ndarray, " 2"]) -> Reference:
-    """Motion of a survey; a user's class is checked."""
-    reference = survey.reference(speed=speed, current=current)
-    if not isinstance(reference, Reference):
-        raise ValueError(
-            f"reference must return an obsplan.Reference, got {type(reference).__name__}; "
-            "correct the class"
-        )
-    return reference
-
-
-def _waypoints(reference: Reference) -> dict[str, Any]:
-    """Table of the survey that has a reference's vertices and holds.
-
-    It has speeds where they are the survey's own.
-    """
-    survey: dict[str, Any] = {"kind": "waypoints", "points": reference.polyline.tolist()}
-    if isinstance(reference.speed, np.ndarray):
-        survey["speeds"] = reference.speed.tolist()
-    if reference.hold is not None:
-        survey["holds"] = reference.hold.tolist()
-    return survey
 
 
 def from_dict(data: dict[str, Any], *, source: str = "scenario", folder: Path = Path()) -> Scenario:
