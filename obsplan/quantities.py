@@ -94,6 +94,7 @@ BEARING = Quantity(-3600.0, 3600.0, "degrees", "more than ten turns say no more 
 # motion
 VESSEL_SPEED = Quantity(1e-3, 50.0, "m/s", "slower is a station, and no vessel is faster")
 AUV_SPEED = Quantity(0.0, 10.0, "m/s", "no survey AUV is faster")
+AUV_SURGE = Quantity(-10.0, 10.0, "m/s", "no survey AUV is faster, ahead or astern")
 CURRENT = Quantity(-10.0, 10.0, "m/s", "no tidal stream is faster")
 TURN_ACCELERATION = Quantity(1e-6, 100.0, "rad/s^2", "no vessel turns harder")
 

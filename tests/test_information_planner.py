@@ -12,6 +12,7 @@ from scipy.stats import ttest_rel
 import obsplan as op
 from formulations.beam_search import branching, compiled, search_manoeuvres, turn_candidates
 from formulations.beam_search.search import beam_of
+from formulations.model import compiler
 from formulations.model.covariance import Ranging, condition_on_range
 from formulations.model.schedule import Stages, ping_stages
 from formulations.solution import Status
@@ -324,3 +325,18 @@ def test_beats_path_inertia_in_the_harbour_under_the_same_noise():
         ).pvalue
         < 0.05
     )
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
+def test_decisions_of_a_mission_compile_nothing(monkeypatch, tmp_path):
+    """The search is compiled before, so that a vehicle's first decision does not wait for it."""
+    monkeypatch.setenv("OBSPLAN_CACHE", str(tmp_path))
+    for kept in (beam_of, compiled.machine_code):
+        kept.cache_clear()
+    mission = op.load("harbor-survey", settings=["duration=30.0"])
+    asked = mission.planner()
+    asked.prepare(mission.start, lambda *_: None)
+    monkeypatch.setattr(compiler, "_built", None)
+    run = op.simulate(mission, planner=mission.planner())
+    assert set(run.status_counts) == {"optimal"}

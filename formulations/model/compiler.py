@@ -14,6 +14,7 @@ import subprocess
 import tempfile
 from functools import cache
 from pathlib import Path
+from time import perf_counter
 
 # No fused multiply-add: the virtual machine has none.
 FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
@@ -92,6 +93,7 @@ def cached_library(source: str, compiler: str, *, build: bool = True) -> Path | 
 
 
 def _built(source: str, compiler: str, folder: Path, key: str) -> Path:
+    began = perf_counter()
     with tempfile.TemporaryDirectory(dir=folder) as work:
         path, made = Path(work) / "step.c", Path(work) / "step.so"
         path.write_text(source)
@@ -101,6 +103,7 @@ def _built(source: str, compiler: str, folder: Path, key: str) -> Path:
             library = folder / name_of(key, file.read())
             os.fsync(file.fileno())  # a power cut leaves the whole of it, or nothing
         made.replace(library)
+    log.info("machine code compiled in %.1f s, and kept: %s", perf_counter() - began, library)
     return library
 
 

@@ -1,6 +1,6 @@
 """Information horizon: take the turns after which the AUVs will know most."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import Annotated, Literal
@@ -65,6 +65,20 @@ class InformationHorizon:
     def _candidates(self) -> Float[np.ndarray, " K"]:
         """Turn rates to try at each stage [rad/s]."""
         return turn_candidates(self.situation.cna.max_turn_rate, self.turn_rates)
+
+    def prepare(self, pose: Pose, progress: Callable[[int, int], None]) -> None:  # noqa: ARG002
+        """Compile the search before the mission, so that no decision waits for that."""
+        filed = self.situation.filed
+        if filed is not None:
+            self.build(pose, filed.beliefs_at(0))
+
+    def build(self, pose: Pose, auvs: Sequence[Belief]) -> None:
+        """Compile the search for as many AUVs, and decide once.
+
+        It takes a second or two, once for each number of AUVs on a machine, and nothing without a
+        compiler. Where it was not called the first decision takes that long.
+        """
+        self.plan(pose, auvs)
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Choose the first turn of the best sequence found."""

@@ -10,6 +10,7 @@ from obsplan.planners import PLANNERS, planner_class
 from obsplan.quantities import (
     ANGLE_SIGMA,
     AUV_SPEED,
+    AUV_SURGE,
     BEARING,
     COMPASS_SIGMA,
     CURRENT,
@@ -85,8 +86,8 @@ class FirstEstimate(Place):
     heading_deg: Annotated[float | None, BEARING] = Field(
         default=None, description="heading [deg], counter-clockwise from east"
     )
-    speed: Annotated[float | None, AUV_SPEED] = Field(
-        default=None, description="speed through the water [m/s]"
+    speed: Annotated[float | None, AUV_SURGE] = Field(
+        default=None, description="speed through the water [m/s], negative astern"
     )
     sigma_position: Annotated[float, DISTANCE] = Field(
         default=5.0, description="standard deviation of each coordinate [m]"
