@@ -44,6 +44,7 @@ def places(corners, count, seed):
     return np.concatenate([exact, beside])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("offset", [0.0, 1e5])
 @pytest.mark.parametrize(
     "corners",

@@ -183,6 +183,7 @@ def test_rerun_flies_only_what_is_missing(tmp_path, pond, address):
     assert len(load_campaign(tmp_path / "out")) == 10
 
 
+@pytest.mark.slow
 def test_changed_scenario_never_mixes_with_what_it_was(tmp_path, pond, address):
     def fly():
         return fly_campaign(plan_cells([pond], runs=3), tmp_path / "out", scheduler=address)
@@ -285,6 +286,7 @@ def test_folder_that_cannot_be_made_is_one_sentence(pond):
     assert "/proc/campaign cannot be made" in err
 
 
+@pytest.mark.slow
 def test_read_only_store_is_one_sentence_and_can_still_be_read(
     tmp_path, pond, address, monkeypatch
 ):

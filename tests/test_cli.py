@@ -187,6 +187,7 @@ def test_new_finds_its_mission_from_another_folder(tmp_path):
     assert 'file = "missions/line.csv"' in (tmp_path / "mine.toml").read_text()
 
 
+@pytest.mark.slow
 def test_wrong_input_is_one_line_and_makes_nothing(small):
     assert 'did you mean "harbor-survey"' in refused("run", "harbor-surve", cwd=small)
 
@@ -245,6 +246,7 @@ def test_lists_say_what_there_is(tmp_path):
     assert json.loads(obsplan("schema", "--json", cwd=tmp_path).stdout)["title"] == "ScenarioTable"
 
 
+@pytest.mark.slow
 def test_version_and_module_are_the_program_itself(tmp_path):
     told = obsplan("--version", cwd=tmp_path).stdout
     assert re.fullmatch(r"obsplan \d+\.\d+\.\d+\n", told)

@@ -78,6 +78,7 @@ LIMITS = Constraints(
 coordinates = st.tuples(*[st.floats(-90, 90)] * 2)
 
 
+@pytest.mark.slow
 @given(coordinates, coordinates, st.lists(coordinates, min_size=1, max_size=3))
 @settings(max_examples=200, deadline=None)
 def test_violation_changes_by_no_more_than_the_vehicle_moves(a, b, auvs):

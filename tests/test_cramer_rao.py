@@ -183,6 +183,7 @@ E = ("E", lambda J: np.linalg.eigvalsh(J)[0])
 HORIZONTAL = ("horizontal", lambda J: J[0, 0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("criterion", "proportional", "best"),
     [

@@ -258,6 +258,7 @@ units = arrays(float, 4, elements=st.sampled_from([1e-4, 1.0, 1e4]))
 factors = arrays(float, (4, 2), elements=st.floats(-1.0, 1.0))
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(factors, units)
 def test_covariance_of_any_rank_and_unit_is_accepted_and_copied(factor, unit):

@@ -15,6 +15,8 @@ from formulations.path_inertia import PathInertiaProblem
 from formulations.solution import Status
 from formulations.trajectory.program import Program
 
+pytestmark = pytest.mark.slow  # two hundred faults
+
 NAN = float("nan")
 RAISED = {
     "runtime": RuntimeError("solver stumbled"),

@@ -157,6 +157,7 @@ class Echo:
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("knowledge", ["estimate", "estimate-and-survey", "survey", "truth"])
 def test_planner_inside_the_step_is_told_what_one_outside_is(knowledge):
     mission = scenario(

@@ -128,6 +128,7 @@ def test_separation_is_kept_farther_from_an_auv_that_is_not_sure_of_its_place():
     assert kept(wanted(), HERE, [unsure], min_separation=5.0).status == Status.LIMITED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "planner",
     [
@@ -205,6 +206,7 @@ def test_keep_outs_hold_even_where_auvs_come_too_near():
     assert run.scenario.constraints.fixed_violation(np.ascontiguousarray(run.cna[:, :2])).max() < 0
 
 
+@pytest.mark.slow
 def test_a_users_planner_is_kept_within_limits_and_one_that_knows_them_is_left_alone():
     class Straight:
         def plan(self, pose, auvs, *, time=0.0):

@@ -194,6 +194,7 @@ def test_circle_needs_a_radius_a_rate_and_a_turn(arguments):
         validate_circle(*arguments)
 
 
+@pytest.mark.slow
 def test_importing_the_module_does_not_load_python_control():
     code = "import sys, formulations.ltv; sys.exit('control' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -187,6 +187,7 @@ def test_a_file_damaged_anywhere_gives_a_mission_or_our_error(tmp_path, suffix, 
         check_one_sentence(str(error).replace(str(path), "FILE"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", WHOLE)
 def test_a_file_cut_anywhere_gives_our_error(save, suffix):
     whole = json.dumps(WHOLE[suffix])

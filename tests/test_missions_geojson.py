@@ -81,6 +81,7 @@ def test_a_line_over_180_degrees_is_one_track_as_long_as_on_earth(tmp_path, piec
     np.testing.assert_allclose(length, there + back, rtol=0, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_more_vertices_than_a_mission_has_are_refused_at_once(tmp_path):
     message = r"geometry has 200001 vertices, more than 200000: export the mission, not the log"
     check_refused(tmp_path, "a.geojson", line([[1, 2]] * 200_001), message)

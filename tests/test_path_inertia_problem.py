@@ -237,6 +237,7 @@ def test_infeasible_is_a_status_with_advice(name, objective):
     assert "largest centre distance" in solution.advice
 
 
+@pytest.mark.slow
 def test_another_formulation_with_cones_finds_the_same_radius_or_none():
     """The centre-distance limits as second-order cones, the penalty as a norm, both sides tried: nothing derived by us."""
     problem = PathInertiaProblem(min_radius=0.5, gamma=0.7, max_center_distance=4.0, max_radius=6.0)

@@ -113,6 +113,7 @@ def test_gramian_horizon_takes_the_best_candidate_of_brute_force(gramian, metric
     np.testing.assert_allclose(decision.condition, conditions, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_metric_and_aggregate_matter_among_those_candidates():
     rates = np.linspace(2, -2, 9)
     chosen = {

@@ -130,6 +130,7 @@ def test_scale_bar_is_as_long_as_it_says(free, size):
     )
 
 
+@pytest.mark.slow
 def test_title_is_a_name_and_says_how_well_it_went(free):
     named = free.scenario.table.model_copy(update={"name": "harbor-survey_2024-05"})
     told = texts(axes_of(replace(free, scenario=replace(free.scenario, table=named))))
@@ -206,6 +207,7 @@ def test_time_marks_are_at_the_same_round_instants_on_every_track(free):
     assert "after 20, 40, … s" in legend(axes)
 
 
+@pytest.mark.slow
 def test_each_number_beside_a_track_is_when_its_vehicle_was_there(free):
     axes = axes_of(free)
     tracks = {AID: free.cna[:, :2]} | {
@@ -266,6 +268,7 @@ def test_of_very_many_ranges_a_round_share_is_marked_and_told():
     np.testing.assert_array_equal(aid.get_xydata(), often.cna[1::2, :2])
 
 
+@pytest.mark.slow
 def test_labels_hide_neither_each_other_nor_stand_out_of_the_frame():
     eight = [
         {
@@ -330,6 +333,7 @@ def distances(run):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "limit"), [("least", 12.0), ("greatest", 55.0)])
 def test_ring_is_about_the_auv_when_its_separation_was_worst(broken, kind, limit):
     axes = axes_of(broken)

@@ -83,6 +83,7 @@ def test_summary_tells_the_mission_and_its_costs(run, export, tmp_path):
     assert "violation_max_m" not in told
 
 
+@pytest.mark.slow
 def test_the_path_as_flown_costs_what_a_planner_that_repeats_it_costs():
     class Repeats:
         def plan(self, _pose, _auvs, *, time=0.0):

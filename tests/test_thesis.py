@@ -250,6 +250,7 @@ def test_time_to_the_orbit_is_that_of_short_steps():
         )  # it settles as it passes the AUV
 
 
+@pytest.mark.slow
 def test_figure_5_6_settles_every_start_that_is_given_time_and_the_closed_form_names_the_others():
     assert finding("fig5.6", runs=25).agrees
 
@@ -259,6 +260,7 @@ def test_figure_5_6_fails_without_the_penalty(broken):
     assert not finding("fig5.6", runs=25).agrees
 
 
+@pytest.mark.slow
 def test_gramians_of_fixed_cna_and_fixed_auv_are_equal_up_to_signs(monkeypatch):
     equality = gramian_equalities(20, seed=2)
     assert equality.current < 1e-12  # quadratic outputs: exact but for rounding

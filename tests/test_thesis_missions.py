@@ -68,6 +68,7 @@ def test_unequal_weights_leave_the_centroid():
     assert off[0] < 0.4 < off[1]
 
 
+@pytest.mark.slow
 def test_equal_weights_do_not_give_equal_condition_numbers():
     assert finding("fig5.8").agrees
     condition = typical_condition(fly(static_formation(), random_starts(6, seed=2, half_width=3.0)))
@@ -105,10 +106,12 @@ def test_random_starts_settle_but_for_the_distant_outward_ones():
     assert ITEMS["fig5.11"].found(data).agrees
 
 
+@pytest.mark.slow
 def test_separation_from_several_auvs_does_not_grow():
     assert finding("fig5.12").agrees
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["figB.2", "figB.3"])
 def test_slow_missions_are_as_the_appendix_says(name):
     assert finding(name, seed=1).agrees
@@ -180,6 +183,7 @@ def test_orderings_are_reproduced_reversed_or_undecided():
     assert ("Circular", "Stationary") in tables.orderings("survey-fast")
 
 
+@pytest.mark.slow
 def test_grid_holds_each_mission_in_its_place():
     cases = {
         (g, str(s)): op.load(

@@ -346,6 +346,7 @@ def test_circle_to_loiter_on_lies_on_the_side_that_is_told(side):
     assert float(soft[-1]) == pytest.approx(-reach / 2, rel=1e-12)  # (0² - reach²) / (2 reach)
 
 
+@pytest.mark.slow
 def test_turn_rate_its_change_and_the_speed_stay_within_their_limits():
     reach = np.full(20, 0.15)
     task = task_of(
@@ -445,6 +446,7 @@ def test_answer_through_a_keep_out_or_worse_than_the_manoeuvre_is_not_taken(monk
         assert found.primal_residual <= TOLERANCE
 
 
+@pytest.mark.slow
 def test_where_nothing_keeps_the_limits_and_no_solver_answers_the_least_violating_manoeuvre_is_taken(
     monkeypatch,
 ):
@@ -455,6 +457,7 @@ def test_where_nothing_keeps_the_limits_and_no_solver_answers_the_least_violatin
     assert found.primal_residual > 0.5
 
 
+@pytest.mark.slow
 def test_solver_that_raises_is_a_failed_attempt(monkeypatch):
     def broken(**_):
         raise RuntimeError
@@ -464,6 +467,7 @@ def test_solver_that_raises_is_a_failed_attempt(monkeypatch):
     assert optimise(task, "log-det", limits=limits).status == Status.BEST_MANOEUVRE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("enough", [True, False])
 def test_no_start_is_begun_once_there_is_an_answer_and_enough_was_done(enough, monkeypatch):
     begun = []
@@ -524,6 +528,7 @@ def test_solvers_are_silent_whatever_happens(capfd):
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 def test_program_is_compiled_once_for_a_shape():
     task, limits = example()
     optimise(task, "log-det", limits=limits)

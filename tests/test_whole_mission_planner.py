@@ -74,6 +74,7 @@ def test_plan_depends_on_no_noise_and_is_flown_to_the_letter():
     assert recording(again) == recording(one)
 
 
+@pytest.mark.slow
 def test_vehicle_off_its_plan_gets_one_for_the_rest_of_the_mission():
     mission = small(starts=2)
     planner, pose = mission.planner(), mission.start
@@ -214,6 +215,7 @@ def seen_from(filed, pose, angle, mirror):
     return there, op.Pose(float(x), float(y), mirror * pose.heading + angle)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("angle", "mirror"), [(0.7, 1.0), (0.0, -1.0), (-2.0, -1.0)])
 def test_turned_or_mirrored_world_is_the_same_problem_whatever_the_first_covariance(angle, mirror):
     planner, pose = small(starts=2).planner(), small().start
