@@ -184,24 +184,28 @@ class _Allocation:
         What is measured at the first step counts as measured at the second, so this is about the
         same problem and no bound of it: a cheap place to look for a good allocation.
         """
-        n, steps = len(self.P0), len(self.F)
-        F = np.broadcast_to(np.eye(n), (steps + steps % 2, n, n)).copy()
-        Q, J = np.zeros_like(F), np.zeros_like(F)
-        weights = np.zeros(len(F))
-        F[:steps], Q[:steps], J[:steps] = self.F, self.Q, self.J_other
-        weights[:steps] = self.weights[1:]
-        first, second = F[::2], F[1::2]
+        nothing = np.zeros_like(self.P0)
+        F, F_second = _in_twos(self.F, np.eye(len(self.P0)))
+        Q, Q_second = _in_twos(np.broadcast_to(self.Q, self.F.shape), nothing)
+        J, J_second = _in_twos(self.J_other, nothing)
+        weights, weights_second = _in_twos(self.weights[1:], 0.0)
         both, part = np.unique(self.pings // 2, return_inverse=True)
         coarse = _Allocation(
             P0=self.P0,
-            F=_product(second, first),
-            Q=_product(_product(second, Q[::2]), second.swapaxes(1, 2)) + Q[1::2],
-            J_other=J[::2] + J[1::2],
+            F=_product(F_second, F),
+            Q=_product(_product(F_second, Q), F_second.swapaxes(1, 2)) + Q_second,
+            J_other=J + J_second,
             pings=both,
             precision=np.bincount(part, self.precision, len(both)),
-            weights=np.append(self.weights[0], weights[::2] + weights[1::2]),
+            weights=np.append(self.weights[0], weights + weights_second),
         )
         return coarse, part
+
+
+def _in_twos(a: np.ndarray, last: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The first and the second of each two steps; ``last`` is the second of one without."""
+    second = a[1::2]
+    return a[::2], np.append(second, [last], axis=0) if len(a) % 2 else second
 
 
 def _coarse_to_fine(
@@ -214,6 +218,7 @@ def _coarse_to_fine(
     coarse, part = problem.halved()
     rough = _coarse_to_fine(coarse, relative_gap, max_iterations, lambda share: progress(share / 2))
     M = rough.allocation[part]
+    del coarse  # what is not needed makes room: of a long mission it is large
     return _frank_wolfe(
         problem, M, relative_gap, max_iterations, lambda share: progress((1 + share) / 2)
     )
@@ -251,6 +256,7 @@ def _frank_wolfe(
                 weights=problem.weights,
             )
         curvature = max(CURVATURE_DECREASE * curvature, descent)
+        del J, P  # to make room for the next
         while True:
             length = min(1.0, descent / curvature)
             trial, J, P = problem.evaluate(M + length * step)

@@ -177,14 +177,19 @@ class Run:
     @cached_property
     def cramer_rao_variance(self) -> Float[np.ndarray, "auvs samples"]:
         """Mean square position error by the `cramer_rao` bound [m^2]; a smaller array than that."""
-        bounds = self._posterior(self._range_information(self.scenario.pings))
-        return np.stack([P[:, 0, 0] + P[:, 1, 1] for P in bounds])
+        return self._position_variance(self._range_information(self.scenario.pings))
 
     @cached_property
-    def unaided(self) -> Float[np.ndarray, "auvs samples n n"]:
-        """What `cramer_rao` would be without a single range: that of dead reckoning."""
+    def unaided_variance(self) -> Float[np.ndarray, "auvs samples"]:
+        """`cramer_rao_variance` as it would be without a single range: that of dead reckoning."""
         n, pings = self.truth.shape[-1], self.scenario.pings.size
-        return np.stack(list(self._posterior(np.zeros((len(self.names), pings, n, n)))))
+        return self._position_variance(np.zeros((len(self.names), pings, n, n)))
+
+    def _position_variance(
+        self, of_ranges: Float[np.ndarray, "auvs pings n n"]
+    ) -> Float[np.ndarray, "auvs samples"]:
+        """Mean square position error of each AUV by the bound of `_posterior` [m^2]."""
+        return np.stack([P[:, 0, 0] + P[:, 1, 1] for P in self._posterior(of_ranges)])
 
     def _posterior(
         self, of_ranges: Float[np.ndarray, "auvs pings n n"]

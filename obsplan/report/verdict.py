@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Float
 
 from formulations.consistency import mean_nees_interval
-from formulations.cramer_rao import position_rms
 from formulations.solution import Status
 from obsplan.constraints import LimitHistory
 from obsplan.report.words import (
@@ -205,9 +204,8 @@ def _astray(run: Run, i: int, worst: str) -> str:
 
 def _untold(run: Run, i: int) -> str:
     """What to say where the ranges have told next to nothing."""
-    alone = position_rms(run.unaided[i])
-    aided = np.sqrt(np.mean(run.cramer_rao_variance[i]))
-    if np.mean(aided**2) < TOLD * np.mean(alone**2):
+    alone, aided = np.mean(run.unaided_variance[i]), np.mean(run.cramer_rao_variance[i])
+    if aided < TOLD * alone:
         return ""
     return "beware, its ranges told next to nothing: dead reckoning alone is as good"
 

@@ -10,7 +10,7 @@ from obsplan.types import ObsplanError
 MOST_AUVS = 100  # AUVs that range to one aid vehicle in turns
 # measured: of each AUV at each step, with all files of a run; of each candidate turn or stage of a
 # planner for each AUV, as an expression, in a program, in a beam
-RECORD, CANDIDATE, STAGE, KEPT = 7e3, 240e3, 1.3e6, 200.0  # [bytes]
+RECORD, CANDIDATE, STAGE, KEPT = 2e3, 240e3, 1.3e6, 200.0  # [bytes]
 MOST_RECORDED, MOST_PLANNED = 16e9, 2e9  # [bytes]
 
 

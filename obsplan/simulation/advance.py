@@ -29,15 +29,20 @@ class Advance(threading.local):
         self._found = _parts(self._call.found, after)
 
     def __call__(self, carry: Carry, inputs: Inputs, log: Log, k: int) -> None:
-        """Take the steps from step k on."""
+        """Take the steps from step k on.
+
+        An array of the carry that has one sample only holds the present one.
+        """
         now, after = slice(k, k + self._count), slice(k + 1, k + 1 + self._count)
-        given = [values[k] for values in carry] + [values[now] for values in inputs]
-        found = [values[after] for values in carry] + [values[now] for values in log]
+        given = [values[k if len(values) > 1 else 0] for values in carry]
+        given += [values[now] for values in inputs]
+        found = [values[after] if len(values) > 1 else values for values in carry]
+        found += [values[now] for values in log]
         for memory, values in zip(self._given, given, strict=True):
             memory[...] = values
         self._call()
         for memory, values in zip(self._found, found, strict=True):
-            values[...] = memory
+            values[...] = memory[-len(values) :]
 
 
 def _parts(column: np.ndarray, shapes: list[tuple[int, ...]]) -> list[np.ndarray]:

@@ -49,7 +49,7 @@ def mission_inputs(scenario: Scenario, start: Pose, seed: int) -> tuple[Carry, I
         heading_error=heading_error * scenario.heading_sensor.sigma,
         range_error=range_error,
     )
-    return carry, Inputs(*(np.ascontiguousarray(a, dtype=float) for a in inputs))
+    return carry, Inputs(*(np.asarray(a, dtype=float) for a in inputs))
 
 
 def first_carry(scenario: Scenario, start: Pose, truth: np.ndarray, error: np.ndarray) -> Carry:

@@ -33,7 +33,7 @@ from obsplan.scenario import Scenario, load
 from obsplan.scenario.states import BASIC
 from obsplan.simulation.advance import Advance
 from obsplan.simulation.inputs import mission_inputs
-from obsplan.simulation.step import Carry, Inputs, Log, StepBuilder, folded, shape_of
+from obsplan.simulation.step import HELD, Carry, Inputs, Log, StepBuilder, folded, shape_of
 from obsplan.surveys import Reference
 from obsplan.types import Belief, Pose
 
@@ -138,8 +138,18 @@ class ClosedLoop:
                 return start
             return checked_start(planner, start)
 
-    def fly(self, seed: int, *, start: Pose | None = None, progress: Progress | None = None) -> Run:
-        """Fly the mission under the noise of a seed, from another ``start`` if one is given."""
+    def fly(
+        self,
+        seed: int,
+        *,
+        start: Pose | None = None,
+        progress: Progress | None = None,
+        covariances: bool = True,
+    ) -> Run:
+        """Fly the mission under the noise of a seed, from another ``start`` if one is given.
+
+        Without ``covariances`` those of the run, more than half of what it holds, are nan.
+        """
         began, progress = perf_counter(), progress or (lambda _done, _steps: None)
         start = start or self.start
         first, inputs = mission_inputs(self.scenario, start, seed)
@@ -148,8 +158,8 @@ class ClosedLoop:
         with blamed(planner, "plan before the mission"):
             if isinstance(planner, Prepares):
                 progress = prepared(planner, start, progress)
-        carry = Carry(*(np.concatenate([a[None], np.empty((steps, *a.shape))]) for a in first))
-        log = Log(*(np.empty((steps, *shape_of(name, self.scenario))) for name in Log._fields))
+        carry = carried(first, steps, HELD if covariances else (*HELD, "covariance"))
+        log = Log(*(room(steps, *shape_of(name, self.scenario)) for name in Log._fields))
         walk = Walk()
         if (commands := self._commands(steps)) is not None:
             inputs.given[:, 0], codes = fitted_commands(commands, self.scenario.cna)
@@ -162,8 +172,7 @@ class ClosedLoop:
         timing = Timing(seconds=perf_counter() - began, decision_seconds=walk.seconds)
         # what a run does not hold makes room: of a long mission it is large
         del inputs
-        whole = unpack_array(carry.covariance.swapaxes(0, 1))
-        carry = carry._replace(covariance=whole, reported=None, reported_covariance=None)
+        carry = carry._replace(covariance=recorded_covariance(carry))
         return record(self.scenario, self.planner, seed, carry, log, timing, walk.faults)
 
     def _commands(self, steps: int) -> Float[np.ndarray, "steps 2"] | None:
@@ -252,9 +261,10 @@ class ClosedLoop:
         """What the planner is told of each AUV."""
         scenario, now = self.scenario, float(inputs.time[k].item())
         knowledge = scenario.table.planner.knowledge
-        told = {"survey": inputs.survey, "truth": carry.truth}.get(knowledge, carry.reported)
-        means = told[k, :, :BASIC].copy()  # of the truth, say, which no planner moves
-        covariances = unpack_array(carry.reported_covariance[k])[:, :BASIC, :BASIC]
+        reported = carry.reported[0]
+        told = {"survey": inputs.survey[k], "truth": carry.truth[k]}.get(knowledge, reported)
+        means = told[:, :BASIC].copy()  # of the truth, say, which no planner moves
+        covariances = unpack_array(carry.reported_covariance[0])[:, :BASIC, :BASIC]
         for told_to_planner in (means, covariances):
             told_to_planner.setflags(write=False)
         routes = [
@@ -281,6 +291,31 @@ class ClosedLoop:
         """Of position, heading and speed, as the filter of each AUV assumes them."""
         noises = self.scenario.process_noise(assumed=True).tolist()
         return [(position, heading, speed) for position, _, heading, speed in noises]
+
+
+def carried(first: Carry, steps: int, held: tuple[str, ...]) -> Carry:
+    """The carry at time 0, with room for those after each step, or the present one if held."""
+    arrays = []
+    for name, start in zip(Carry._fields, first, strict=True):
+        samples = 1 if name in held else steps + 1
+        array = room(samples, *start.shape)
+        array[0] = start
+        arrays.append(array)
+    return Carry(*arrays)
+
+
+def room(samples: int, columns: int, rows: int) -> np.ndarray:
+    """An empty array (samples, columns, rows), in memory with the columns first, as runs are."""
+    return np.empty((columns, samples, rows)).swapaxes(0, 1)
+
+
+def recorded_covariance(carry: Carry) -> np.ndarray:
+    """Covariances as a run has them, nan where only the present ones were held."""
+    whole = unpack_array(carry.covariance.swapaxes(0, 1))
+    samples, auvs, m = carry.mean.shape
+    if whole.shape[1] < samples:
+        return np.broadcast_to(np.nan, (auvs, samples, m, m))
+    return whole
 
 
 def prepared(planner: Prepares, start: Pose, progress: Progress) -> Progress:

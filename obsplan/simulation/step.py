@@ -35,6 +35,10 @@ class Carry(NamedTuple):
     reported_covariance: Any  # as covariance
 
 
+# of Carry, what no run records: arrays have the present sample only
+HELD = ("reported", "reported_covariance")
+
+
 class Inputs(NamedTuple):
     """What a step is given from outside; as arrays, with the step as first axis."""
 
