@@ -97,7 +97,7 @@ def test_a_number_without_an_end_is_found():
             r"current = \[5.0, 0.0\] m/s is too strong for the aid vehicle, cna.*speed = 2.0 m/s",
         ),
         ({"auv": [AUV] * 101}, "101 AUVs are more than the 100"),
-        ({"time_step": 0.001, "duration": 2.6e6}, "2600000000 steps of 2600000 s, about 18200 GB"),
+        ({"time_step": 0.001, "duration": 2.6e6}, "2600000000 steps of 2600000 s, about 5980 GB"),
         (
             {
                 "planner": {"kind": "information", "turn_rates": 201, "beam_width": 10_000},
@@ -118,6 +118,12 @@ def test_what_cannot_be_flown_is_refused_before_anything_is_made(changes, words)
     with pytest.raises(op.ObsplanError, match=words) as caught:
         op.from_dict(POND).replace(**changes)
     assert "\n" not in str(caught.value)
+
+
+def test_day_at_ten_hertz_with_four_auvs_is_taken():
+    auvs = [{**AUV, "name": name} for name in "abcd"]
+    day = op.from_dict(POND).replace(duration=86400.0, time_step=0.1, auv=auvs)
+    assert day.time.size == 864001
 
 
 @pytest.mark.parametrize("brackets", ["[]", "{}"])

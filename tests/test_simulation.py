@@ -1,6 +1,6 @@
 """The closed loop against a filter in plain numpy, arcs in complex numbers, and the rules of the schedule."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -370,6 +370,15 @@ def test_one_compiled_loop_flies_many_missions_as_each_would_fly_alone():
     loop = ClosedLoop(scenario=mission, planner=mission.planner())
     for seed in (1, 2, 1):
         assert recording(loop.fly(seed)) == recording(op.simulate(mission, seed=seed))
+
+
+def test_flight_without_covariances_is_the_same_flight():
+    mission = scenario()
+    for planner in (mission.planner(), Spy(mission.planner())):
+        loop = ClosedLoop(scenario=mission, planner=planner)
+        whole, bare = loop.fly(3), loop.fly(3, covariances=False)
+        assert np.isnan(bare.covariance).all()
+        assert recording(replace(bare, covariance=whole.covariance)) == recording(whole)
 
 
 def test_machine_code_flies_the_same_mission_to_the_last_bit(tmp_path, monkeypatch):

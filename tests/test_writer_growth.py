@@ -22,6 +22,7 @@ from obsplan.report.files import BLOCK, scenario_toml, tracks_csv
 from obsplan.report.map import map_figure
 from obsplan.report.path_files import map_mission
 from obsplan.report.style import png
+from obsplan.report.verdict import verdicts
 
 FEW, TIMES = 1000, 64  # and as many times more: in a square the time would grow 4096-fold
 NOISE = 5.0  # of times measured where others are at work, and of memory that is looked through
@@ -142,6 +143,31 @@ def peak(work):
     most = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     return most
+
+
+def recorded(run):
+    """How much memory [bytes] a run's recording takes."""
+    arrays = [value for value in vars(run).values() if isinstance(value, np.ndarray)]
+    return sum(array.nbytes for array in arrays)
+
+
+@pytest.mark.slow
+def test_flight_takes_less_than_twice_the_memory_of_its_recording():
+    flown(duration=1.0)  # what is loaded at first use
+    few, many = (partial(flown, duration=duration) for duration in (200.0, 1000.0))
+    assert peak(many) - peak(few) < 2.0 * (recorded(many()) - recorded(few()))
+
+
+@pytest.mark.slow
+def test_verdict_keeps_no_covariances_of_its_own():
+    flight = partial(flown, duration=1000.0)
+    verdicts(flight())  # what is loaded at first use
+    run = flight()
+    tracemalloc.start()
+    verdicts(run)
+    kept = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert kept < run.covariance.nbytes / 2
 
 
 @pytest.mark.slow

@@ -8,9 +8,12 @@ from obsplan.scenario.tables import ScenarioTable
 from obsplan.types import ObsplanError
 
 MOST_AUVS = 100  # AUVs that range to one aid vehicle in turns
-# measured: of each AUV at each step, with all files of a run; of each candidate turn or stage of a
-# planner for each AUV, as an expression, in a program, in a beam
-RECORD, CANDIDATE, STAGE, KEPT = 2e3, 240e3, 1.3e6, 200.0  # [bytes]
+# measured and rounded up: of each step, and of each AUV at each step, with the certified bound and
+# all files of a run
+STEP, RECORD = 1.8e3, 500.0  # [bytes]
+# measured: of each candidate turn or stage of a planner for each AUV, as an expression, in a
+# program, in a beam
+CANDIDATE, STAGE, KEPT = 240e3, 1.3e6, 200.0  # [bytes]
 MOST_RECORDED, MOST_PLANNED = 16e9, 2e9  # [bytes]
 
 
@@ -42,9 +45,10 @@ def check_steps(steps: int, auvs: int, *, duration: float, time_step: float, sou
             f"{source}: duration: {duration:g} s is shorter than a step of {time_step:g} s, and "
             "nothing would be measured: give a longer mission, or a shorter time_step"
         )
-    if steps * auvs * RECORD > MOST_RECORDED:
-        most = int(MOST_RECORDED / RECORD / auvs)
-        size = steps * auvs * RECORD
+    of_step = STEP + auvs * RECORD
+    size = steps * of_step
+    if size > MOST_RECORDED:
+        most = int(MOST_RECORDED / of_step)
         raise ObsplanError(
             f"{source}: time_step: {time_step} s makes {steps} steps of {duration:.0f} s, "
             f"about {size / 1e9:.0f} GB of records for {auvs} AUV{'s' * (auvs > 1)}; "
