@@ -72,3 +72,19 @@ MISSIONS = {  # a suffix and a content
     "a command beyond the protocol": (".waypoints", "QGC WPL 110\n0\t1\t0\t1e30\t0\t0\t0\t0\t47.6\t-122.3\t0\t1\n"),
     "nothing": (".kml", ""),
 }
+
+COMMAND_LINES = {
+    "value of 5000 digits": ["run", "s.toml", "--set", f"seed={DIGITS}"],
+    "key of 3000 parts": ["run", "s.toml", "--set", f"{'.'.join('a' * 3000)}=1"],
+    "value nested 800 deep": ["run", "s.toml", "--set", "cna=" + "[" * 800],
+    "horizon that native code never reaches": [
+        *("run", "s.toml", "--planner", "trajectory", "--set", "planner.horizon=1e308")
+    ],
+    "name longer than a file may have": ["run", "x" * 300],
+    "folder longer than a file may have": ["run", "s.toml", "--out", "x" * 300],
+    "file below a device": ["run", "/dev/full/x.toml"],
+    "mission file that is a device": ["new", "/dev/zero"],
+    "folder that is not there": ["new", "pond.csv", "--out", "none/x.toml"],
+    "folder that is a device": ["campaign", "s.toml", "--out", "/dev/null"],
+    "misspelt command": ["rum"],
+}

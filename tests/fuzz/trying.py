@@ -19,10 +19,10 @@ STALLED = 600  # seconds of a clock after which what waits for nothing is given 
 
 IMPERATIVES = (
     "add|change|check|chmod|choose|complete|convert|correct|delete|draw|exchange|export|fly|give|"
-    "head|leave|load|look|make|move|name|put|quote|raise|remove|rename|save|see|send|shorten|split|"
-    "take|use|write"
+    "head|leave|load|look|lower|make|move|name|put|quote|raise|remove|rename|save|see|send|shorten|split|"
+    "take|use|widen|write"
 )
-REMEDY = re.compile(rf"(?:[:;,(]|\bor|\band|\bthen) (?:{IMPERATIVES})\b|did you mean|known are ")
+REMEDY = re.compile(rf"(?:[:;,(]|\bor|\band|\bthen) (?:{IMPERATIVES})\b|did you mean|known are |`obsplan ")
 
 
 def share(usual: int) -> int:
