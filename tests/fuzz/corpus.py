@@ -26,9 +26,7 @@ SCENARIOS = {
     ),
     "infinitely many steps between pings": pond(time_step="1e-308"),
     "a mission shorter than a step": pond(duration="1e-10"),
-    "start beyond the map": pond(
-        cna="{speed = 2.0, min_turn_radius = 5.0, start = {x = 1e308}}"
-    ),
+    "start beyond the map": pond(cna="{speed = 2.0, min_turn_radius = 5.0, start = {x = 1e308}}"),
     "deviation the square of which is 0": pond(ranging="{interval = 2.0, sigma = 1e-300}"),
     "more candidates than an index holds": pond(
         planner='{kind = "gramian", turn_rates = 9223372036854775808}'
@@ -68,8 +66,18 @@ MISSIONS = {  # a suffix and a content
         '<!DOCTYPE g [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;">]><gpx>&b;</gpx>',
     ),
     "lists nested 5000 deep": (".geojson", "[" * 5000),
-    "number of 5000 digits": (".geojson", '{"type": "FeatureCollection", "features": ' + DIGITS + "}"),
-    "a command beyond the protocol": (".waypoints", "QGC WPL 110\n0\t1\t0\t1e30\t0\t0\t0\t0\t47.6\t-122.3\t0\t1\n"),
+    "number of 5000 digits": (
+        ".geojson",
+        '{"type": "FeatureCollection", "features": ' + DIGITS + "}",
+    ),
+    "a command beyond the protocol": (
+        ".waypoints",
+        "QGC WPL 110\n0\t1\t0\t1e30\t0\t0\t0\t0\t47.6\t-122.3\t0\t1\n",
+    ),
+    "lanes beyond any number": (
+        ".bhv",
+        "Behavior = BHV_Waypoint\n{\npoints = format=lawnmower, x=1e308, y=0, width=60, height=30, lane_width=8\n}\n",
+    ),
     "nothing": (".kml", ""),
 }
 

@@ -22,7 +22,9 @@ IMPERATIVES = (
     "head|leave|load|look|lower|make|move|name|put|quote|raise|remove|rename|save|see|send|shorten|split|"
     "take|use|widen|write"
 )
-REMEDY = re.compile(rf"(?:[:;,(]|\bor|\band|\bthen) (?:{IMPERATIVES})\b|did you mean|known are |`obsplan ")
+REMEDY = re.compile(
+    rf"(?:[:;,(]|\bor|\band|\bthen) (?:{IMPERATIVES})\b|did you mean|known are |`obsplan "
+)
 
 
 def share(usual: int) -> int:
