@@ -89,11 +89,11 @@ class Polygon:
         points = as_points(self.points)
         object.__setattr__(self, "points", points)
         if len(points) < 3:
-            raise ValueError(f"a polygon needs at least three corners, got {len(points)}")
+            raise ValueError(f"a polygon needs at least three corners, got {len(points)}: add some")
         if not (np.isfinite(points).all() and self._shape.is_valid and self._shape.area > 0):
             raise ValueError(
                 "the line of a polygon must be finite, enclose an area and not cross itself, got "
-                f"{reprlib.repr(list(points))}"
+                f"{reprlib.repr(list(points))}: correct its corners"
             )
 
     @cached_property

@@ -7,10 +7,18 @@ import shutil
 import subprocess
 import sys
 import time
+from concurrent.futures import Future
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+import obsplan
+from obsplan.campaign import execute, fly_campaign, plan_cells
+from obsplan.campaign.code import code_hash
+from obsplan.campaign.layout import FIGURES
+from obsplan.campaign.worker import Flown, Outcome
 
 SCENARIO = """
 name = "pond"
@@ -116,3 +124,48 @@ def without_rights(line):
     if not shutil.which("setpriv"):
         pytest.skip("root may write anywhere")
     return ["setpriv", "--bounding-set", "-dac_override,-dac_read_search", *line]
+
+
+RUNS = 60  # of each of two cells: some sixty pages
+
+
+def figures_of(batch, seed):
+    """Figures like a mission's, at once."""
+    rng = np.random.default_rng([len(batch.content), seed])
+    return dict(zip(FIGURES, rng.lognormal(size=len(FIGURES)).tolist(), strict=True))
+
+
+class Instant:
+    """A crew that flies at once, and counts."""
+
+    def __init__(self):
+        self.flown = 0
+
+    def threads(self):
+        return 1
+
+    def send(self, batch):
+        self.flown += len(batch.seeds)
+        outcomes = []
+        for seed in batch.seeds:
+            figures = figures_of(batch, seed)
+            auv = json.dumps({"alpha": figures})
+            outcomes.append(Outcome(seed, None, figures, auv, '{"optimal":12}'))
+        future = Future()
+        future.set_result(Flown(outcomes, 1e-3, obsplan.__version__, code_hash()))
+        return future
+
+
+def instant_crew(monkeypatch):
+    """Have all campaigns flown by one who flies at once."""
+    crew = Instant()
+    aboard = contextmanager(lambda **_: (yield crew))
+    monkeypatch.setattr(execute, "crew_of", aboard)
+    return crew
+
+
+def complete_campaign(folder):
+    """Fly a campaign into `out` in a folder; gives its cells."""
+    cells = plan_cells([write_scenario(folder)], vary=["cna.speed=1.5,3.0"], runs=RUNS)
+    fly_campaign(cells, Path(folder) / "out")
+    return cells

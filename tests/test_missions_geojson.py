@@ -285,7 +285,7 @@ BAD = {
     ),
     "swapped": (
         line([list(p) for p in TRACK]),
-        r"coordinates\[0\] has latitude -122.337 .*look swapped: GeoJSON has \[long",
+        r"coordinates\[0\] has latitude -122.337 .*look swapped: exchange them, GeoJSON has \[long",
     ),
     "metres": (
         line([[550000, 5275000], [0, 0]]),

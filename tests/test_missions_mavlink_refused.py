@@ -46,7 +46,7 @@ BOTH = {
     "local frame": (bad(item(16, A, frame=1)), r"frame, must be global \(one of 0, 3, .*, got 1"),
     "half a place": (bad(item(16, (63.44, None))), r"longitude \(parameter 6\), must be"),
     "infinite place": (bad(item(16, (63.44, float("inf")))), "must be a finite number, got inf"),
-    "swapped": (bad(item(16, (-122.3, 47.6))), "look swapped: latitude comes first"),
+    "swapped": (bad(item(16, (-122.3, 47.6))), "look swapped: exchange them, latitude comes first"),
     "not on Earth": (bad(item(16, (63.44, 400))), "longitude 400.0, beyond 360"),
     "metres": (bad(item(16, (550000, 5275000))), "beyond 90 degrees: give WGS 84"),
     "endless hold": (bad(item(16, A, 1e9)), r"time to hold \(parameter 1\), must be from 0 to"),

@@ -5,6 +5,7 @@ under them. What is under a name that it does not fit, because it was cut, damag
 never loaded: it is removed, and built anew.
 """
 
+import ctypes
 import hashlib
 import logging
 import os
@@ -103,8 +104,19 @@ def _built(source: str, compiler: str, folder: Path, key: str) -> Path:
             library = folder / name_of(key, file.read())
             os.fsync(file.fileno())  # a power cut leaves the whole of it, or nothing
         made.replace(library)
+    _check_it_loads(library, command)
     log.info("machine code compiled in %.1f s, and kept: %s", perf_counter() - began, library)
     return library
+
+
+def _check_it_loads(library: Path, command: list[str]) -> None:
+    """Remove a library that cannot be loaded here, such as one for another kind of processor."""
+    try:
+        ctypes.CDLL(str(library))
+    except OSError as error:
+        library.unlink(missing_ok=True)
+        reason = f"what it made cannot be loaded: {error}"
+        raise subprocess.CalledProcessError(0, command, stderr=reason) from error
 
 
 def name_of(key: str, content: bytes) -> str:

@@ -136,7 +136,7 @@ def _read(path: Path) -> Mission:
         hint = f'did you mean "{near[0]}"? ' if near else ""
         raise ObsplanError(
             f'{path} has the unknown suffix "{path.suffix}": '
-            f"{hint}mission files end in {', '.join(sorted(READERS))}"
+            f"{hint}mission files end in {', '.join(sorted(READERS))}: export the survey as one"
         )
     try:
         return reader(path)

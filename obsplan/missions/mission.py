@@ -136,10 +136,12 @@ def _check_near(what: str, points: Float[np.ndarray, "n 2"], origin: Point, defa
     """Refuse points that are on another map."""
     distance = geo.distance(np.array(origin), points).max()
     if not distance <= FARTHEST:
+        remedy = f"move the origin to the survey, for example to {default}"
+        if origin == default:
+            remedy = "correct it, or remove it from the file"
         raise ObsplanError(
             f"{what} lies {distance / 1e3:.0f} km from the origin at latitude {origin[0]}, "
-            f"longitude {origin[1]} degrees: move the origin to the survey, for example to "
-            f"{default}"
+            f"longitude {origin[1]} degrees: {remedy}"
         )
 
 
@@ -188,7 +190,8 @@ def check_latlon(lat: float, lon: float, where: str, order: str) -> Point:
     """
     if abs(lat) > 90 and abs(lon) <= 90 and abs(lat) <= 180:
         raise ObsplanError(
-            f"{where} has latitude {lat} and longitude {lon}, which look swapped: {order}"
+            f"{where} has latitude {lat} and longitude {lon}, which look swapped: "
+            f"exchange them, {order}"
         )
     if abs(lat) > 90:
         raise ObsplanError(

@@ -164,6 +164,7 @@ def _radial(given: dict[str, str], where: str) -> list[Vertex]:
 
 def _vertex(point: tuple[float, float], step: float, where: str) -> Vertex:
     """A point, rounded to a step [m] unless that is 0, or as good as 0."""
+    x, y = check_local(*point, where)
     if step >= _FINEST:
-        point = (round(point[0] / step) * step, round(point[1] / step) * step)
-    return (*check_local(*point, where), math.nan)
+        x, y = check_local(round(x / step) * step, round(y / step) * step, where)
+    return x, y, math.nan

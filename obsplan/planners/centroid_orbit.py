@@ -43,7 +43,7 @@ class CentroidOrbit:
         if self.orbit_radius is not None and not least <= self.orbit_radius < np.inf:
             raise ValueError(
                 f"orbit_radius must be at least the turning radius {least} m, "
-                f"got {self.orbit_radius}"
+                f"got {self.orbit_radius}: make it larger"
             )
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:

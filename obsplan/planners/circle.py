@@ -45,12 +45,14 @@ class Circle:
         if self.center is not None:
             object.__setattr__(self, "center", as_point(self.center))
             if not np.isfinite(self.center).all():
-                raise ValueError(f"center of the circle must be finite [m], got {self.center}")
+                raise ValueError(
+                    f"center of the circle must be finite [m], got {self.center}: correct it"
+                )
         least = self.situation.cna.min_turn_radius
         if self.radius is not None and not least <= self.radius < np.inf:
             raise ValueError(
                 f"radius of the circle must be at least the turning radius {least} m, "
-                f"got {self.radius}"
+                f"got {self.radius}: make it larger"
             )
         _ = self.circle
 

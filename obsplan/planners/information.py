@@ -53,7 +53,7 @@ class InformationHorizon:
         if self.turn_rates < 3 or self.turn_rates % 2 == 0:
             raise ValueError(
                 "turn_rates must be odd and at least 3, straight on and pairs, "
-                f"got {self.turn_rates}"
+                f"got {self.turn_rates}: add one"
             )
 
     @property

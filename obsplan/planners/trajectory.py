@@ -97,7 +97,8 @@ class Trajectory:
             and not 0 < self.speed_range[0] <= self.speed_range[1] < np.inf
         ):
             raise ValueError(
-                f"speed_range must be 0 < least <= greatest [m/s], got {self.speed_range}"
+                "speed_range must be 0 < least <= greatest [m/s], "
+                f"got {self.speed_range}: correct it"
             )
         most = self.situation.cna.speed
         if self.speed_range is not None and self.speed_range[1] > most:

@@ -82,7 +82,7 @@ class WholeMission:
         if not is_multiple(interval, step):
             raise ValueError(
                 "ping_interval must be a whole multiple of the time step, "
-                f"{step:.6g} s, got {interval} s"
+                f"{step:.6g} s, got {interval} s: change one of them"
             )
         if self.segment is not None:
             self._check_segment(self.segment)
@@ -92,13 +92,13 @@ class WholeMission:
         if not is_multiple(segment, interval):
             raise ValueError(
                 "segment must be a whole multiple of the time between decisions, "
-                f"{interval} s, got {segment} s"
+                f"{interval} s, got {segment} s: change one of them"
             )
         if segment < self._least_segment * (1 - ROUNDING):
             raise ValueError(
                 f"segment must be at least {self._least_segment:.6g} s "
                 "in a mission of this length, "
-                f"got {segment} s"
+                f"got {segment} s: make it longer"
             )
 
     @property

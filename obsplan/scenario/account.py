@@ -12,6 +12,7 @@ from obsplan.scenario.areas import Shape
 from obsplan.scenario.scenario import from_dict
 from obsplan.scenario.template import scenario_text
 from obsplan.scenario.understood import TANK, Surveyor, Understood, plain, understand
+from obsplan.types import ObsplanError
 
 MOST_LINES = 20  # of tracks, and of keep-outs
 
@@ -28,7 +29,10 @@ def write_new(mission_file: Path, scenario_file: Path) -> list[str]:
     understood = understand(mission_file)
     text = scenario_text(understood, mission_file, scenario_file)
     data = tomllib.loads(text)
-    from_dict(data, source=scenario_file.name, folder=scenario_file.parent)
+    try:
+        from_dict(data, source=scenario_file.name, folder=scenario_file.parent)
+    except ObsplanError as error:
+        raise ObsplanError(f"{mission_file.name} makes no scenario: {error}") from error
     write_atomically(scenario_file, text)
     minutes = in_words(max(auv.duration for auv in understood.auvs))
     return [*account(understood), f"Wrote {scenario_file}: a mission of {minutes}."]

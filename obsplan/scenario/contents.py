@@ -29,12 +29,13 @@ def parse_toml(text: str) -> dict[str, Any]:
     """
     try:
         return tomllib.loads(text)
-    except RecursionError:
-        raise ValueError(f"{_deepest(text)} {TOO_DEEP}") from None
     except tomllib.TOMLDecodeError:
         raise
     except ValueError:
-        return tomllib.loads(_DIGITS.sub(lambda number: number[0][:MOST_DIGITS], text))
+        shorter = _DIGITS.sub(lambda number: number[0][:MOST_DIGITS], text)
+        return parse_toml(shorter)
+    except RecursionError:
+        raise ValueError(f"{_deepest(text)} {TOO_DEEP}") from None
 
 
 def _deepest(text: str) -> str:

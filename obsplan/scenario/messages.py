@@ -15,20 +15,23 @@ from obsplan.types import ObsplanError
 REASONS = {  # where pydantic's words are Python's and not the file's
     "model_type": "must be a table with keys of its own: see `obsplan schema`",
     "model_attributes_type": "must be a table with keys of its own: see `obsplan schema`",
-    "tuple_type": "must be a list, [ ... ]",
-    "too_short": "has too few entries",
-    "too_long": "has too many entries",
-    "string_type": "must be text in quotes",
-    "string_pattern_mismatch": "must begin with a letter or digit and have no other characters",
-    "float_type": "must be a number",
-    "int_type": "must be a whole number",
-    "int_from_float": "must be a whole number",
-    "finite_number": "must be a finite number",
+    "tuple_type": "must be a list: put it in [ ... ]",
+    "too_short": "has too few entries: add one",
+    "too_long": "has too many entries: remove some",
+    "string_type": "must be text: put it in quotes",
+    "string_pattern_mismatch": (
+        "must begin with a letter or digit and have no other characters: rename it"
+    ),
     "string_too_long": "is too long: shorten it",
 }
 
 OWN = ' (a class of your own is "mypackage.module:Class")'
-NUMBERS = ("float_type", "int_type", "int_from_float", "finite_number")
+NUMBERS = {  # what a key must be, before the range of its numbers
+    "float_type": "must be a number",
+    "int_type": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "finite_number": "must be a finite number",
+}
 LONGEST_VALUE = 80  # letters of a value that is shown
 
 FORMS: dict[int | str, type[BaseModel] | None] = {
@@ -71,15 +74,23 @@ def as_error(source: str, error: ValidationError) -> ObsplanError:
         return ObsplanError(
             f'{source}: {key}.kind = "{tag}" is not known; {nearest(tag, kinds(field))}{OWN}'
         )
-    said = fault["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
-    reason = REASONS.get(fault["type"], said)
-    quantity = quantity_of_field(field)
-    if fault["type"] in NUMBERS and quantity is not None:
-        reason = f"{reason} {quantity}: correct it"
     written = as_toml(fault["input"])
     tabular = isinstance(fault["input"], dict) and bool(field and tables_in(field.annotation))
     value = "" if tabular else f" = {shortened(written)}"
-    return ObsplanError(f"{source}: {key}{value}{about}: {reason}")
+    return ObsplanError(f"{source}: {key}{value}{about}: {reason_of(fault, field)}")
+
+
+def reason_of(fault: Any, field: Any) -> str:
+    """What is wrong with a value, and what to do."""
+    said, kind = fault["msg"], fault["type"]
+    if kind == "value_error":  # of a check of ours, which says what to do
+        return said.removeprefix("Value error, ")
+    if kind in REASONS:
+        return REASONS[kind]
+    must = NUMBERS.get(kind, said.replace("Input should be", "must be"))
+    quantity = quantity_of_field(field) if kind in NUMBERS else None
+    within = "" if quantity is None else f" {quantity}"
+    return f"{must}{within}: correct it"
 
 
 def shortened(text: str) -> str:

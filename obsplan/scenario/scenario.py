@@ -54,7 +54,8 @@ class Scenario(Equipment):
         """
         names = [auv.name for auv in self.table.auv]
         if len(set(names)) < len(names):
-            raise self.error("auv", f"the names {names} are not all different; rename one")
+            given = reprlib.repr(names)
+            raise self.error("auv", f"the names {given} are not all different; rename one")
         check_auvs(len(names), self.source)
         check_planner_size(self.table.planner, len(names), self.source)
         check_current(self.table, self.source)
@@ -145,7 +146,7 @@ class Scenario(Equipment):
         if survey.leader not in done:
             raise ValueError(
                 f'leader "{survey.leader}" is not an AUV listed before "{auv.name}"; '
-                f"listed are {list(done) or 'none'}"
+                f"listed are {list(done) or 'none'}: name one of them, or list the leader first"
             )
         return survey.follow(done[survey.leader])
 
@@ -154,7 +155,7 @@ class Scenario(Equipment):
         tracks = self._missions[survey.file].tracks
         name = survey.track if survey.track is not None else next(iter(tracks))
         if name not in tracks:
-            raise ValueError(f'{survey.file} has no track "{name}"; it has {", ".join(tracks)}')
+            raise ValueError(f'{survey.file} has no track "{name}"; known are {", ".join(tracks)}')
         track = tracks[name]
         speeds = known_speeds(track) if paced else None
         return Waypoints(

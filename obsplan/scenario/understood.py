@@ -96,7 +96,10 @@ def understand(path: Path) -> Understood:
             f"{path.name} has {len(mission.tracks)} tracks, and one aid vehicle ranges to at most "
             f"{MOST_AUVS} AUVs in turns: export those that are yours"
         )
-    local = to_local(mission)
+    try:
+        local = to_local(mission)
+    except ObsplanError as error:
+        raise ObsplanError(f"{path.name}: {error}") from error
     numbers = TANK if extent(mission) < LARGEST_TANK else FIELD
     remarks = list(mission.remarks)
     auvs = _surveyors(mission, numbers, remarks)

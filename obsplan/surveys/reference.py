@@ -30,7 +30,9 @@ def check_polyline(polyline: Float[np.ndarray, "n 2"]) -> None:
     bad = np.flatnonzero(~np.isfinite(polyline).all(axis=1))
     if bad.size:
         x, y = polyline[bad[0]]
-        raise ValueError(f"waypoint {bad[0]} must be two finite numbers [m], got ({x}, {y})")
+        raise ValueError(
+            f"waypoint {bad[0]} must be two finite numbers [m], got ({x}, {y}): correct it"
+        )
     short = np.flatnonzero(np.hypot(*np.diff(polyline, axis=0).T) < SHORTEST_LEG)
     if short.size:
         i = short[0]
@@ -49,7 +51,9 @@ def check_speeds(speeds: Sequence[float] | np.ndarray, legs: int) -> None:
         Too few, too many, or one out of range; names its index, from 0.
     """
     if len(speeds) != legs:
-        raise ValueError(f"speeds must be one for each of the {legs} legs, got {len(speeds)}")
+        raise ValueError(
+            f"speeds must be one for each of the {legs} legs, got {len(speeds)}: correct them"
+        )
     for i, speed in enumerate(speeds):
         if not SLOWEST <= speed <= FASTEST:
             raise ValueError(
@@ -68,7 +72,9 @@ def check_holds(holds: Sequence[float] | np.ndarray, vertices: int) -> None:
         Too few, too many, or one out of range; names its index, from 0.
     """
     if len(holds) != vertices:
-        raise ValueError(f"holds must be one for each of the {vertices} points, got {len(holds)}")
+        raise ValueError(
+            f"holds must be one for each of the {vertices} points, got {len(holds)}: correct them"
+        )
     for i, hold in enumerate(holds):
         if hold not in HOLD:
             raise ValueError(

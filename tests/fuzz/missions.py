@@ -191,6 +191,7 @@ TOKENS = [
         "#",
     ),
 ]
+LONGEST = 3_000_000  # letters of a text whose lines are repeated
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 
 
@@ -226,6 +227,8 @@ def mutated(text: str, rng: random.Random) -> str:
     if kind < 0.85:
         return "".join(lines[:i] + lines[i + 1 :])
     if kind < 0.95:
-        return "".join(lines[:i] + lines[i : i + 1] * rng.choice((2, 50, 3000)) + lines[i + 1 :])
+        repeated = lines[i : i + 1] * rng.choice((2, 50, 3000))
+        longer = "".join(lines[:i] + repeated + lines[i + 1 :])
+        return longer if len(longer) < LONGEST else text
     end = min(at + rng.choice((1, 5, 100)), len(text))
     return text[:at] + text[end:]
