@@ -96,25 +96,28 @@ def cached_library(source: str, compiler: str, *, build: bool = True) -> Path | 
 def _built(source: str, compiler: str, folder: Path, key: str) -> Path:
     began = perf_counter()
     with tempfile.TemporaryDirectory(dir=folder) as work:
-        path, made = Path(work) / "step.c", Path(work) / "step.so"
+        path, made, whole = (Path(work) / f"step.{end}" for end in ("c", "so", "kept"))
         path.write_text(source)
         command = [compiler, *FLAGS, str(path), "-o", str(made), "-lm"]
         subprocess.run(command, check=True, capture_output=True, text=True, timeout=PATIENCE)
-        with made.open("rb") as file:
-            library = folder / name_of(key, file.read())
+        content = made.read_bytes()
+        _check_it_loads(made, command)
+        # a copy, since what a process has loaded must not change under it
+        with whole.open("wb") as file:
+            file.write(content)
+            file.flush()
             os.fsync(file.fileno())  # a power cut leaves the whole of it, or nothing
-        made.replace(library)
-    _check_it_loads(library, command)
+        library = folder / name_of(key, content)
+        whole.replace(library)
     log.info("machine code compiled in %.1f s, and kept: %s", perf_counter() - began, library)
     return library
 
 
 def _check_it_loads(library: Path, command: list[str]) -> None:
-    """Remove a library that cannot be loaded here, such as one for another kind of processor."""
+    """Refuse a library that cannot be loaded here, such as one for another kind of processor."""
     try:
         ctypes.CDLL(str(library))
     except OSError as error:
-        library.unlink(missing_ok=True)
         reason = f"what it made cannot be loaded: {error}"
         raise subprocess.CalledProcessError(0, command, stderr=reason) from error
 
