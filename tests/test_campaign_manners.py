@@ -1,11 +1,13 @@
 """What a campaign says when its script, store or user is in the way: one sentence."""
 
+import errno
 import os
 import signal
 import subprocess
 import sys
 import time
 from contextlib import suppress
+from itertools import chain, repeat
 
 import psutil
 import pytest
@@ -14,8 +16,10 @@ from campaigns import finish, start, wait_until, without_rights, write_scenario
 from obsplan import ObsplanError, load_campaign
 from obsplan.campaign import fly_campaign, plan_cells
 from obsplan.campaign.faults import FILE, TABLES
+from obsplan.campaign.processes import NO_WORKER, Worker, local
 from obsplan.campaign.store import Store
 from obsplan.campaign.table import existing_store
+from obsplan.campaign.worker import Batch
 
 SCRIPT = """
 from obsplan.campaign import fly_campaign, plan_cells
@@ -50,6 +54,43 @@ def test_script_without_a_main_guard_is_told_so_in_one_sentence(tmp_path):
     assert last.startswith("obsplan.types.ObsplanError: no worker process could start")
     assert '`if __name__ == "__main__":`' in last
     assert not (tmp_path / "done.txt").exists()  # no worker went on in the script, either
+
+
+def no_more(_):
+    raise OSError(errno.EMFILE, "Too many open files")
+
+
+def test_workers_that_the_system_has_no_files_for_are_told_of_in_one_sentence(monkeypatch):
+    monkeypatch.setattr(Worker, "start", classmethod(no_more))
+    said = r"no more than 0 worker processes .*Too many open files\): give fewer workers"
+    with pytest.raises(ObsplanError, match=said), local(2):
+        pass
+
+
+class Dead(Worker):
+    """A worker that dies of its first batch, or before."""
+
+    def __init__(self, *, ready):
+        object.__setattr__(self, "ready", ready)
+
+    def await_ready(self):
+        if not self.ready:
+            raise ObsplanError(NO_WORKER)
+
+    def fly(self, _):
+        raise EOFError
+
+    def end(self):
+        pass
+
+
+def test_after_a_worker_could_not_be_replaced_the_next_batch_says_so_too(monkeypatch):
+    workers = chain([Dead(ready=True)], repeat(Dead(ready=False)))
+    monkeypatch.setattr(Worker, "start", classmethod(lambda _: next(workers)))
+    with local(1) as processes:
+        for _ in range(2):
+            with pytest.raises(ObsplanError, match="no worker process could start"):
+                processes.send(Batch(1, "{}", (1,), False)).result(timeout=10)
 
 
 @pytest.mark.slow

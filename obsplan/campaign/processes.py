@@ -76,8 +76,8 @@ class Processes:
     def __init__(self, number: int):
         self._lanes = ThreadPoolExecutor(number)
         self._idle: SimpleQueue[Worker] = SimpleQueue()
-        self._workers: list[Worker] = []
-        self._guard = Lock()  # of the two lines above and of the one below
+        self._guard = Lock()  # of what follows
+        self._workers: set[Worker] = set()
         self._ended = False
 
     def start(self, number: int) -> None:
@@ -98,7 +98,8 @@ class Processes:
         """End all workers at once, and forget what waits."""
         with self._guard:
             self._ended = True
-        for worker in self._workers:
+            workers = [*self._workers]
+        for worker in workers:
             worker.end()
         self._lanes.shutdown(cancel_futures=True)
 
@@ -114,19 +115,34 @@ class Processes:
             self._idle.put(worker)
 
     def _started(self) -> Worker:
-        """Start a worker, unless all have been ended."""
+        """Start a worker, unless all have been ended.
+
+        Raises
+        ------
+        EOFError
+            They have.
+        ObsplanError
+            The system has no process, or no file, left for it.
+        """
         with self._guard:
             if self._ended:
                 raise EOFError
-            worker = Worker.start()
-            self._workers.append(worker)
+            try:
+                worker = Worker.start()
+            except OSError as error:
+                raise ObsplanError(
+                    f"no more than {len(self._workers)} worker processes can be started "
+                    f"({error.strerror}): give fewer workers"
+                ) from error
+            self._workers.add(worker)
             return worker
 
     def _replaced(self, dead: Worker) -> Worker:
         """Start another worker in place of one that died."""
         dead.end()
         worker = self._started()
-        self._workers.remove(dead)
+        with self._guard:
+            self._workers.discard(dead)
         worker.await_ready()
         return worker
 

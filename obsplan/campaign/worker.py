@@ -10,6 +10,7 @@ import numpy as np
 
 import obsplan
 from obsplan.campaign.code import code_hash
+from obsplan.plugins import in_words
 from obsplan.run import Run
 from obsplan.scenario import from_dict
 from obsplan.simulation import ClosedLoop
@@ -65,7 +66,7 @@ def fly_mission(batch: Batch, seed: int) -> Outcome:
                 return failed(seed, reason)
             summary = run.summary(bounds=False)
     except Exception as error:  # whatever it is, it is the mission's result
-        return failed(seed, f"{type(error).__name__}: {error}")
+        return failed(seed, in_words(error))
     return Outcome(seed, None, summary["all"], text(summary["auv"]), text(summary["status_counts"]))
 
 
