@@ -87,7 +87,7 @@ def _module(home: str) -> Any:
             f"there is no module {error.name} here; install it, put its folder into PYTHONPATH, "
             "or run obsplan in its folder"
         ) from None
-    except Exception as error:  # whatever a user's module raises while it is imported
+    except (Exception, SystemExit) as error:  # whatever a user's module raises, or ends with
         said = in_words(error)
         raise ValueError(f"{home} cannot be imported: {said}; correct the module") from error
 

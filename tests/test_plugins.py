@@ -221,6 +221,7 @@ number = 3
         ({"kind": "broken:Listed"}, r"has a list as field gains; write tuple"),
         ({"kind": "broken:Odd"}, r"has a field that no file can hold: .*SX.*; use numbers"),
         ({"kind": "ruined:Ekf"}, r"ruined cannot be imported: NameError: .*nothing"),
+        ({"kind": "leaving:Ekf"}, r"leaving cannot be imported: SystemExit: 1"),
         ({"kind": "poor:Ekf"}, r"poor imports no_such_package, which is not installed"),
         (
             {"kind": "mine:CurrentEkf", "sgima": 1.0},
@@ -236,6 +237,7 @@ def test_whatever_is_wrong_with_a_class_of_ones_own_is_one_sentence(mine, table,
     (mine / "broken.py").write_text(BROKEN)
     (mine / "ruined.py").write_text("nothing\n")
     (mine / "poor.py").write_text("import no_such_package\n")
+    (mine / "leaving.py").write_text("import sys\nsys.exit(1)\n")
     data = tomllib.loads((mine / "mine.toml").read_text()) | {"estimator": table}
     with pytest.raises(op.ObsplanError, match=sentence) as error:
         op.from_dict(data, source="mine.toml")
