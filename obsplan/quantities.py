@@ -7,6 +7,7 @@ dataclasses by `check_quantities` when they are made.
 
 from dataclasses import dataclass
 from functools import lru_cache
+from numbers import Real
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 
@@ -21,11 +22,12 @@ class Quantity:
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
-        return f"from {self.least:g} to {plain_digits(self.greatest)}{unit} ({self.reason})"
+        least, greatest = plain_digits(self.least), plain_digits(self.greatest)
+        return f"from {least} to {greatest}{unit} ({self.reason})"
 
     def __contains__(self, value: object) -> bool:
         """Whether a number is in the range; nan never is."""
-        return isinstance(value, int | float) and bool(self.least <= value <= self.greatest)
+        return isinstance(value, Real) and bool(self.least <= value <= self.greatest)
 
     def check(self, value: Any) -> Any:
         """Give back None, or a number in the range.
@@ -49,8 +51,8 @@ class Quantity:
 
 
 def plain_digits(value: float | int) -> str:
-    """A limit as people write it, without an exponent."""
-    return f"{value:g}" if value < 1e6 else f"{value:.0f}"
+    """A limit as people write it, to a millionth, without an exponent."""
+    return f"{value:.6f}".rstrip("0").removesuffix(".")
 
 
 def quantity_of(hint: Any) -> Quantity | None:
@@ -72,7 +74,7 @@ def check_quantities(made: object) -> None:
     """
     for name, quantity in _quantities(type(made)).items():
         value = getattr(made, name)
-        for number in value if isinstance(value, tuple) else (value,):
+        for number in value if isinstance(value, tuple | list) else (value,):
             if number is not None and number not in quantity:
                 raise ValueError(f"{name} must be {quantity}, got {number}")
 

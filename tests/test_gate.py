@@ -11,7 +11,7 @@ import pytest
 
 import obsplan as op
 from obsplan.cli.terminal import complain, say
-from obsplan.quantities import LEGS, check_quantities
+from obsplan.quantities import DISTANCE, LEGS, TURN_ACCELERATION, WHOLE, check_quantities
 from obsplan.report import planner_notes, verdicts
 from obsplan.report.style import png
 from obsplan.scenario.contents import DEEPEST, parse_toml
@@ -29,11 +29,8 @@ POND: dict[str, Any] = {
     "planner": {"kind": "circle"},
 }
 BOUNDS = ({"minimum", "exclusiveMinimum"}, {"maximum", "exclusiveMaximum"})
-CORNERS = (
-    "points",
-    "geofence",
-    "center",
-)  # whose numbers `check_metres` holds to the map, all at once
+# whose numbers `check_metres` holds to the map, all at once
+CORNERS = ("points", "geofence", "center")
 
 
 def unbounded(
@@ -144,6 +141,25 @@ def test_a_class_made_from_code_passes_the_same_gate():
     assert math.nan not in LEGS
 
 
+@pytest.mark.parametrize("number", [np.int64(3), np.float32(3.0), np.float64(3.0)])
+def test_numbers_of_numpy_are_numbers(number):
+    assert LEGS.check(number) is number
+    with pytest.raises(ValueError, match="must be from 1 to 10000"):
+        LEGS.check(number - 3)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "words"),
+    [
+        (WHOLE, "from -9007199254740991 to 9007199254740991 ("),
+        (TURN_ACCELERATION, "from 0.000001 to 100 rad/s^2 ("),
+        (DISTANCE, "from 0 to 100000 m ("),
+    ],
+)
+def test_a_range_is_written_as_people_write_numbers(quantity, words):
+    assert str(quantity).startswith(words)
+
+
 @pytest.fixture(scope="module")
 def unmeasured():
     return op.simulate(op.from_dict(POND).replace(ranging__interval=100.0))
@@ -245,3 +261,9 @@ def test_a_last_line_that_is_cut_short_is_refused_or_remarked_on(tmp_path, last,
     else:
         remarks = understand(path).remarks
         assert remarks == ("line 4, the last, has no end, and its -122.3 may be cut short",)
+
+
+def test_two_points_without_a_last_line_break_are_not_judged_by_legs_that_are_not_there(tmp_path):
+    path = tmp_path / "two.csv"
+    path.write_text("lat,lon\n47.60000,-122.30000\n47.60000,-122.1")
+    assert "may be cut short" in understand(path).remarks[0]

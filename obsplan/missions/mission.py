@@ -15,9 +15,8 @@ from obsplan import geo
 from obsplan.quantities import POSITION
 from obsplan.types import ObsplanError
 
-FARTHEST = (
-    POSITION.greatest
-)  # [m]; beyond it the origin is a mistake, and a tangent plane no longer a map
+# [m]; beyond it the origin is a mistake, and a tangent plane no longer a map
+FARTHEST = POSITION.greatest
 REPEATED = 1e-3  # [m]; nearer than this, two points are one place
 _LONGEST = 40  # letters of a name in a sentence
 # the last two are refused as not finite

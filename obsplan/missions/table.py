@@ -107,8 +107,8 @@ def _read_points(table: Table, found: Findings, *, ended: bool) -> None:
 def _doubt_the_end(table: Table, rows: Sequence[Row], points: np.ndarray, found: Findings) -> None:
     """Refuse, or remark on, a last line without an end that may be cut within its last number.
 
-    It may be if the number is shorter than all above it; it is if that makes a leg that no other
-    leg is like.
+    It may be if the number is shorter than all above it; it is if that makes a leg that none of the
+    others is like.
     """
     number, cells = rows[-1]
     role = next((r for r in table.pair if table.columns[r].index == len(cells) - 1), None)
@@ -119,7 +119,7 @@ def _doubt_the_end(table: Table, rows: Sequence[Row], points: np.ndarray, found:
         return
     legs = lengths(points, geographic=found.geographic)
     said = f"line {number}, the last, has no end, and its {texts[-1]} may be cut short"
-    if legs[-1] > max(_ODD * np.max(legs[:-1], initial=0.0), _LONG):
+    if len(legs) > 1 and legs[-1] > max(_ODD * legs[:-1].max(), _LONG):
         raise ObsplanError(
             f"{table.path}: {said}, for it makes a leg of {legs[-1] / 1e3:.3g} km, unlike the "
             "others: complete the line, or end it with a line break"
