@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 import obsplan as op
+from formulations.solution import Status
+from obsplan.planning.answers import fitted
 from obsplan.planning.expressions import Command
+from obsplan.planning.expressions import fitted as fitted_expression
 from obsplan.planning.interface import check_planner
 from obsplan.report import planner_notes
 from obsplan.simulation import ClosedLoop
@@ -331,6 +334,15 @@ def test_faulty_expression_is_flown_within_what_the_vehicle_can_do_and_blamed(pa
     run = op.simulate(MISSION, planner=Expressed(part, value))
     assert run.status_counts == {status: DECISIONS}
     assert_flown_within_what_the_vehicle_can_do(run)
+
+
+@pytest.mark.parametrize("status", [Status.VIOLATED, Status.INFEASIBLE, Status.TOO_FAST])
+def test_a_turn_that_is_clipped_hides_nothing_that_the_planner_says(status):
+    cna = HEALTHY.scenario.cna
+    called = fitted(op.Decision(turn_rate=9.0, speed=1.0, status=status), cna, n_auvs=1)
+    assert called.decision.status == status
+    folded = Command(*map(ca.DM, (9.0, 1.0, 0.0, 1.0, float(status))))
+    assert float(fitted_expression(folded, cna).status) == status
 
 
 @pytest.mark.parametrize(

@@ -94,17 +94,15 @@ def fitted(given: Any, cna: Unicycle, n_auvs: int) -> Answer | str:
     top = cna.speed
     if speed > top * (1 + ROUNDING):
         wrong = wrong or f"speed is {speed:g} m/s, and the vehicle does {top:g} m/s"
-        decision = replace(decision, speed=top, status=_worse(decision.status, Status.TOO_FAST))
+        blame = decision.status if decision.status in BLAMES else Status.TOO_FAST
+        decision = replace(decision, speed=top, status=blame)
     limit = decision.speed / cna.min_turn_radius
     if abs(turn_rate) > limit * (1 + ROUNDING):
         turn = math.copysign(limit, turn_rate)
-        decision = replace(decision, turn_rate=turn, status=_worse(decision.status, Status.CLIPPED))
+        # nothing that the planner itself says of its decision is hidden
+        status = Status.CLIPPED if decision.status == Status.OPTIMAL else decision.status
+        decision = replace(decision, turn_rate=turn, status=status)
     return Answer(decision, wrong)
-
-
-def _worse(status: Status, clipped: Status) -> Status:
-    """The status that blames the planner, if one does; else that of what was clipped."""
-    return status if status in BLAMES else clipped
 
 
 def _plain(given: Decision) -> Decision:

@@ -135,7 +135,9 @@ def fitted(command: Command, cna: Any) -> Command:
     limit = speed / cna.min_turn_radius
     clipped = ca.fabs(command.turn_rate) > limit * (1 + ROUNDING)
     turn_rate = ca.if_else(clipped, ca.sign(command.turn_rate) * limit, command.turn_rate)
-    status = ca.if_else(clipped, float(Status.CLIPPED), command.status)
+    # nothing that the planner itself says of its decision is hidden
+    optimal = command.status == float(Status.OPTIMAL)
+    status = ca.if_else(ca.logic_and(clipped, optimal), float(Status.CLIPPED), command.status)
     status = ca.if_else(too_fast, float(Status.TOO_FAST), status)
     known = ca.logic_and(command.status >= 0, command.status <= float(max(Status)))
     known = ca.logic_and(known, ca.floor(command.status) == command.status)
