@@ -95,7 +95,7 @@ def remove_stale(folder: Path, *, keep: Container[str]) -> None:
 def made(folder: Path) -> Path:
     """A folder, made unless it is there."""
     try:
-        folder.mkdir(exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ObsplanError(
             f"{folder} cannot be made ({error.strerror}): "

@@ -87,7 +87,7 @@ def planner_notes(run: Run) -> list[str]:
     ]
     decisions = [
         f"{run.planner}: {run.status_counts[s.label]} of {total} decisions {s.label}: {s.advice}."
-        + (f" {capital(run.faults[s.label])}." if s.label in run.faults else "")
+        + (f" {capital(run.faults[s.label]).rstrip('.')}." if s.label in run.faults else "")
         for s in odd
     ]
     own = sum(run.status_counts.get(status.label, 0) for status in OWN)
@@ -168,10 +168,10 @@ def sentence(run: Run, i: int, figures: dict[str, Any]) -> str:
 
 def _unmeasured(run: Run, i: int, figures: dict[str, Any]) -> str:
     """The verdict on an AUV that no range has reached."""
-    table = run.scenario.table
+    interval, duration = run.scenario.table.ranging.interval, float(run.time[-1])
     return (
-        f"{run.names[i]}: not one range was measured (ranging.interval = "
-        f"{table.ranging.interval:g} s, in a mission of {run.time[-1]:g} s): dead reckoning alone, "
+        f"{run.names[i]}: not one range was measured (ranging.interval = {interval:.10g} s, in a "
+        f"mission of {duration:.10g} s): dead reckoning alone, "
         f"{metres(figures['rms_error_m'])} RMS off, whatever the aid vehicle does."
     )
 
@@ -193,12 +193,12 @@ def _astray(run: Run, i: int, worst: str) -> str:
     if late < whereabouts(run, i):
         return (
             f"{run.names[i]}: position found late, to {metres(late)} in the second half; {rms} "
-            f"RMS off in all ({worst}), beyond the {size} it moves in: look at "
+            f"RMS off in all ({worst}), and the mission takes place within {size}: look at "
             "first_estimate."
         )
     return (
-        f"{run.names[i]}: position not known, {rms} RMS off ({worst}), beyond the {size} it moves "
-        "in: look at first_estimate, process_noise and ranging."
+        f"{run.names[i]}: position not known, {rms} RMS off ({worst}), and the mission takes place "
+        f"within {size}: look at first_estimate, process_noise and ranging."
     )
 
 
