@@ -7,6 +7,7 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
+from jaxtyping import config
 from oracles import arc
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
@@ -300,6 +301,17 @@ def test_auv_on_the_way_makes_nothing_that_is_no_number():
         **given | {"tracks": Tracks(under, np.zeros((3, 1)), np.zeros((3, 1)))}, beam_width=125
     )
     assert np.isfinite(found.objective)
+
+
+@pytest.mark.parametrize("name", ["covariance", "weights"])
+def test_numbers_of_auvs_that_differ_are_refused_before_machine_code_reads_them(name):
+    given = problem(np.random.default_rng(7))
+    config.update("jaxtyping_disable", True)  # as it is outside of tests
+    try:
+        with pytest.raises(ValueError, match="give covariances and tracks of"):
+            search_manoeuvres(**given | {name: given[name][:1]})
+    finally:
+        config.update("jaxtyping_disable", False)
 
 
 def test_known_position_has_a_finite_log_determinant():

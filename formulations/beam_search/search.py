@@ -81,11 +81,16 @@ def search_manoeuvres(
     Raises
     ------
     ValueError
-        A criterion that is not known.
+        A criterion that is not known; numbers of AUVs or stages that are not the same everywhere.
     """
-    S, K = len(stages.duration), len(turn_rates)
+    S, M, K = len(stages.duration), len(weights), len(turn_rates)
+    if covariance.shape != (M, 4, 4) or tracks.position.shape != (S, M, 2):
+        raise ValueError(  # machine code would read beyond an array's end
+            f"give covariances and tracks of {M} AUVs, as there are weights, over {S} stages, "
+            f"got {covariance.shape} and {tracks.position.shape}"
+        )
     width = min(beam_width, K**S)
-    sequences = beam_of(len(weights), K, ranging.squared, criterion, S, width)
+    sequences = beam_of(M, K, ranging.squared, criterion, S, width)
     told = _told(tracks, process_noise, weights, stages, turn_rates, speed, ranging)
     sequences.begin(pose, pack_array(covariance))
     first = worst = 0.0

@@ -172,43 +172,22 @@ int {name}_cases(casadi_int count, const casadi_int* steps, const casadi_real** 
 
 
 class Cases:
-    """A Function run for many cases at once, as machine code where there is a compiler.
+    """A Function run by the virtual machine for many cases at once, its last argument shared.
 
-    Its last argument is shared by all cases.
-
-    Without one: ``scalars`` says that the virtual machine shall run it on scalars, which is faster
-    while it is small.
+    ``scalars``: on scalars, which is faster while it is small.
     """
 
     def __init__(self, function: ca.Function, *, scalars: bool) -> None:
         self.function = function.expand() if scalars else function
-        own = [function.nnz_in(i) for i in range(function.n_in() - 1)]
-        found = [function.nnz_out(i) for i in range(function.n_out())]
-        self._own, self._shared = own, function.nnz_in(len(own))
-        self._steps = (ctypes.c_longlong * (len(own) + 1 + len(found)))(*own, 0, *found)
-        self._given = ctypes.c_void_p * function.n_in()
-        self._found = ctypes.c_void_p * function.n_out()
         self._results = [_axes(*function.size_out(i)) for i in range(function.n_out())]
-        self._reals, self._integers = function.sz_w(), function.sz_iw()
-        self._run = cases_driver(function)
 
     def __call__(self, *arguments: np.ndarray) -> list[np.ndarray]:
         """Results of contiguous arrays of floats, cases first, and of the one that is shared."""
         *own, shared = arguments
         count = len(own[0])
         results = [np.empty((count, *axes)) for axes in self._results]
-        if self._run is None:
-            repeated = np.ascontiguousarray(np.broadcast_to(shared, (count, *shared.shape)))
-            evaluate(mapped(self.function, count), [*own, repeated], results)
-            return results
-        for argument, step in zip(own, self._own, strict=True):
-            _check(argument, count * step)
-        _check(shared, self._shared)
-        work = np.empty(self._reals + self._integers)
-        reals = address(work)
-        integers = reals + work.itemsize * self._reals
-        given, found = map(address, arguments), map(address, results)
-        self._run(count, self._steps, self._given(*given), self._found(*found), integers, reals)
+        repeated = np.ascontiguousarray(np.broadcast_to(shared, (count, *shared.shape)))
+        evaluate(mapped(self.function, count), [*own, repeated], results)
         return results
 
 
@@ -233,12 +212,6 @@ def cases_driver(function: ca.Function, *, build: bool = True) -> Any:
     run = ctypes.CDLL(str(library))[f"{function.name()}_cases"]
     run.argtypes = [ctypes.c_longlong, *[ctypes.c_void_p] * 5]
     return run
-
-
-def _check(array: np.ndarray, size: int) -> None:
-    """Refuse what the driver would read beyond its end, or in another order."""
-    if not (array.size == size and array.flags.c_contiguous):
-        raise ValueError(f"give {size} numbers side by side, got an array of {array.shape}")
 
 
 def address(array: np.ndarray) -> int:
