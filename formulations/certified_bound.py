@@ -188,7 +188,7 @@ class _Allocation:
         F, F_second = _in_twos(self.F, np.eye(len(self.P0)))
         Q, Q_second = _in_twos(np.broadcast_to(self.Q, self.F.shape), nothing)
         J, J_second = _in_twos(self.J_other, nothing)
-        weights, weights_second = _in_twos(self.weights[1:], 0.0)
+        weights, weights_second = _in_twos(self.weights[1:], np.zeros(()))
         both, part = np.unique(self.pings // 2, return_inverse=True)
         coarse = _Allocation(
             P0=self.P0,
@@ -202,10 +202,10 @@ class _Allocation:
         return coarse, part
 
 
-def _in_twos(a: np.ndarray, last: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _in_twos(a: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The first and the second of each two steps; ``last`` is the second of one without."""
     second = a[1::2]
-    return a[::2], np.append(second, [last], axis=0) if len(a) % 2 else second
+    return a[::2], np.concatenate([second, last[None]]) if len(a) % 2 else second
 
 
 def _coarse_to_fine(
