@@ -98,22 +98,24 @@ def _built(source: str, compiler: str, folder: Path, key: str) -> Path:
         path.write_text(source)
         command = [compiler, *FLAGS, str(path), "-o", str(made), "-lm"]
         subprocess.run(command, check=True, capture_output=True, text=True, timeout=PATIENCE)
+        _check_it_loads(made, command)
         with made.open("rb") as file:
             library = folder / name_of(key, file.read())
             os.fsync(file.fileno())  # a power cut leaves the whole of it, or nothing
         made.replace(library)
-    _check_it_loads(library, command)
     return library
 
 
-def _check_it_loads(library: Path, command: list[str]) -> None:
-    """Remove a library that cannot be loaded here, such as one for another kind of processor."""
+def _check_it_loads(made: Path, command: list[str]) -> None:
+    """Refuse a library that cannot be loaded here, such as one for another kind of processor."""
+    if os.name != "posix":  # where what is loaded cannot be renamed
+        return
     try:
-        ctypes.CDLL(str(library))
+        loaded = ctypes.CDLL(str(made))
     except OSError as error:
-        library.unlink(missing_ok=True)
         reason = f"what it made cannot be loaded: {error}"
         raise subprocess.CalledProcessError(0, command, stderr=reason) from error
+    ctypes.CDLL(None).dlclose(ctypes.c_void_p(loaded._handle))
 
 
 def name_of(key: str, content: bytes) -> str:
