@@ -176,7 +176,7 @@ class Constraints:
         if not 0 <= self.min_separation < self.max_separation:
             raise ValueError(
                 f"separations must be 0 <= least < greatest [m], got {self.min_separation} and "
-                f"{self.max_separation}"
+                f"{self.max_separation}: correct one of them"
             )
 
     def __bool__(self) -> bool:

@@ -43,7 +43,7 @@ BAD_SETTINGS = {
     'auv.0.survey={kind="waypoints",points=[]}': r"auv.0.survey: ",
     'auv.1.survey={kind="formation",leader="x"}': r'leader "x" is not an AUV listed before "bravo"',
     "auv.0.survey.file=harbour.plan": 'did you mean "harbor.plan"',
-    "auv.0.survey.track=nope": 'harbor.plan has no track "nope"; it has harbor',
+    "auv.0.survey.track=nope": 'harbor.plan has no track "nope"; known are harbor',
     "ranging.interval=0.7": "ranging.interval: 0.7 s is not a whole multiple of time_step = 0.5 s",
     "planner.interval=0.2": "planner.interval: 0.2 s is not a whole multiple",
     'planner={kind="path-inertia",gamma=-1.0}': r"planner.gamma = -1.0 .* must be from 0 to 1000000 \(",

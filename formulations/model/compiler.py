@@ -115,6 +115,8 @@ def _built(source: str, compiler: str, folder: Path, key: str) -> Path:
 
 def _check_it_loads(library: Path, command: list[str]) -> None:
     """Refuse a library that cannot be loaded here, such as one for another kind of processor."""
+    if os.name != "posix":  # where what is loaded cannot be removed
+        return
     try:
         ctypes.CDLL(str(library))
     except OSError as error:

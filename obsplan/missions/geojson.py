@@ -14,7 +14,7 @@ from obsplan.missions.mission import Area, Mission, check_latlon, check_number
 from obsplan.missions.source import read_json
 from obsplan.types import ObsplanError
 
-_ORDER = "GeoJSON has [longitude, latitude]"
+_ORDER = "exchange them, GeoJSON has [longitude, latitude]"
 _GEOMETRIES = (
     "GeometryCollection",
     "LineString",

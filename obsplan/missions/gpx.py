@@ -17,7 +17,7 @@ from obsplan.types import ObsplanError
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-_ORDER = "GPX has attributes lat and lon"
+_ORDER = "exchange them, GPX has attributes lat and lon"
 _OPENCPN = b"http://www.opencpn.org"  # its namespace
 
 

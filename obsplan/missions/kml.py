@@ -22,7 +22,7 @@ from obsplan.types import ObsplanError
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-_ORDER = "KML has longitude,latitude"
+_ORDER = "exchange them, KML has longitude,latitude"
 _CONTAINERS = ("kml", "Document", "Folder")
 _GEOMETRIES = (
     "LineString",

@@ -189,8 +189,7 @@ def check_latlon(lat: float, lon: float, where: str, order: str) -> Point:
     """
     if abs(lat) > 90 and abs(lon) <= 90 and abs(lat) <= 180:
         raise ObsplanError(
-            f"{where} has latitude {lat} and longitude {lon}, which look swapped: "
-            f"exchange them, {order}"
+            f"{where} has latitude {lat} and longitude {lon}, which look swapped: {order}"
         )
     if abs(lat) > 90:
         raise ObsplanError(

@@ -273,4 +273,4 @@ def _pair(values: Any, where: str) -> Point:
             f"{where} must be [latitude, longitude], got {reprlib.repr(values)}: correct it"
         )
     lat, lon = (check_number(value, where) for value in values[:2])
-    return check_latlon(lat, lon, where, "latitude comes first")
+    return check_latlon(lat, lon, where, "exchange them, latitude comes first")

@@ -129,7 +129,7 @@ class Scenario(Equipment):
         for i, auv in enumerate(self.table.auv):
             try:
                 done[auv.name] = self._reference(i, done)
-            except ValueError as error:
+            except (ValueError, ObsplanError) as error:
                 raise self.error(f"auv.{i}.survey", error) from None
         return tuple(done.values())
 

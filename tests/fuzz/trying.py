@@ -19,7 +19,7 @@ STALLED = 600  # seconds of a clock after which what waits for nothing is given 
 
 IMPERATIVES = (
     "add|change|check|chmod|choose|complete|convert|correct|delete|draw|exchange|export|fly|give|"
-    "head|leave|load|look|lower|make|move|name|put|quote|raise|remove|rename|save|see|send|shorten|split|"
+    "head|keep|leave|load|look|lower|make|move|name|put|quote|raise|remove|rename|save|see|send|shorten|split|"
     "take|use|widen|write"
 )
 REMEDY = re.compile(

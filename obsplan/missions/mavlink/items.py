@@ -100,7 +100,7 @@ class Item:
                 f"{self.where}, frame, must be global (one of {known}), got "
                 f"{reprlib.repr(self.frame)}: give the waypoint in latitude and longitude"
             )
-        return check_latlon(lat, lon, self.where, "latitude comes first")
+        return check_latlon(lat, lon, self.where, "exchange them, latitude comes first")
 
 
 def collect(items: Iterable[Item], path: Path) -> list[Item]:
