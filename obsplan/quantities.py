@@ -25,9 +25,10 @@ class Quantity:
         least, greatest = plain_digits(self.least), plain_digits(self.greatest)
         return f"from {least} to {greatest}{unit} ({self.reason})"
 
-    def __contains__(self, value: object) -> bool:
-        """Whether a number is in the range; nan never is."""
-        return isinstance(value, Real) and bool(self.least <= value <= self.greatest)
+    def __contains__(self, value: Any) -> bool:
+        """Whether a number, Python's or numpy's, is in the range; nan never is."""
+        number = value  # Real promises no order, numbers have one
+        return isinstance(value, Real) and bool(self.least <= number <= self.greatest)
 
     def check(self, value: Any) -> Any:
         """Give back None, or a number in the range.
