@@ -298,3 +298,17 @@ def test_one_of_each_kind_flies_in_run_compare_and_campaign(mine):
     table = load_campaign("flown")
     assert sorted(table["planner"]) == ["circle"] * 2 + ["mine:Chase"] * 2
     assert np.isfinite(table["rms_error_m"]).all()
+
+
+@pytest.mark.slow
+def test_a_survey_that_ends_the_program_does_not_end_it_as_if_all_went_well(mine):
+    (mine / "quits.py").write_text(
+        "from dataclasses import dataclass\n\n\n@dataclass(frozen=True)\nclass Quits:\n"
+        "    x: float = 0.0\n    y: float = 0.0\n\n"
+        "    def reference(self, *, speed, current):\n        raise SystemExit(1)\n"
+    )
+    own = ["--set", "auv.0.survey.kind=quits:Quits"]
+    line = [sys.executable, "-P", "-m", "obsplan", "run", "fixed-auv", *own]
+    env = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(line, cwd=mine, env=env, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 1, done.stderr

@@ -171,10 +171,11 @@ def test_program_goes_on_when_its_reader_has_gone():
 
 @pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no full disk to write to")
-def test_full_disk_under_standard_output_is_one_sentence(tmp_path):
+@pytest.mark.parametrize("words", [["schema"], ["run", "--help"], ["--help"]])
+def test_full_disk_under_standard_output_is_one_sentence(tmp_path, words):
     with open("/dev/full", "w") as full:
         done = subprocess.run(
-            [sys.executable, "-m", "obsplan", "schema"],
+            [sys.executable, "-m", "obsplan", *words],
             stdout=full,
             stderr=subprocess.PIPE,
             text=True,

@@ -1,6 +1,8 @@
 """``obsplan ...``: the command line. What a command needs is imported when it runs."""
 
+import errno
 import sys
+from contextlib import suppress
 from typing import Annotated
 
 import typer
@@ -8,7 +10,7 @@ import typer
 from obsplan.cli.campaigns import campaign, campaign_check, campaign_report
 from obsplan.cli.commands import compare, new, run, scenarios, schema, thesis
 from obsplan.cli.stopping import is_stop, listen, received, stop
-from obsplan.cli.terminal import WRONG_INPUT, complain, open_door, put, say
+from obsplan.cli.terminal import WRONG_INPUT, complain, open_door, put, say, unwritable
 
 __all__ = ["main"]
 
@@ -60,8 +62,8 @@ def main() -> None:
     try:
         code = app(prog_name="obsplan", standalone_mode=False)
         put("")  # what the parser printed and is still on its way
-    except SystemExit as end:  # with 1: of the parser, because nobody is left to read its help
-        sys.exit(0 if end.code == 1 else end.code)
+    except SystemExit as end:  # of the parser, if nobody is left to read its help
+        sys.exit(0 if isinstance(end.__context__, BrokenPipeError) else end.code)
     except BaseException as error:
         if is_stop(error) or isinstance(error, typer.Abort):
             stop("nothing was written")
@@ -85,6 +87,10 @@ def fault(error: BaseException) -> str | None:
         return f"the mission cannot be finished: {uncomputable(error)}; nothing was written"
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename} cannot be used ({error.strerror}): give another name or folder"
+    if isinstance(error, OSError) and error.errno == errno.ENOSPC:  # under the parser's own help
+        with suppress(ObsplanError):
+            put("")  # what is still on its way goes to nobody
+        return str(unwritable(error))
     message = getattr(error, "format_message", None)  # of the command line's own parser
     if message is None:
         return None

@@ -248,7 +248,7 @@ class Scenario(Equipment):
             check_planner(planner)
         except (ValueError, ObsplanError) as error:
             raise self.error("planner", error) from None
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             if not is_own(table.kind):
                 raise  # a fault of ours, to be mended
             fault = f"{table.kind} cannot be built: {in_words(error)}; correct the class"
