@@ -108,6 +108,7 @@ def compiler_of(script: str) -> Callable[[Path, Path, random.Random], None]:
     return replace
 
 
+PATIENCE, HANGS = module.PATIENCE, "compiler hangs"
 INTO = 'while [ "$1" != -o ]; do shift; done; '
 DAMAGES = {
     "empty": empty,
@@ -121,7 +122,7 @@ DAMAGES = {
     "open to others": open_to_others,
     "folder is a file": folder_is_a_file,
     "no folder": no_folder_can_be,
-    "compiler hangs": compiler_of("exec sleep 60"),
+    HANGS: compiler_of("exec sleep 60"),
     "compiler fails": compiler_of("echo out of patience >&2; exit 1"),
     "compiler is killed": compiler_of(f"{INTO}printf half > $2; kill -9 $$"),
     "compiler writes nothing": compiler_of("exit 0"),
@@ -134,6 +135,7 @@ def attempt(folder: Path, name: str, rng: random.Random) -> str:
     cache = folder / "cache"
     os.environ["OBSPLAN_CACHE"] = str(cache)
     os.environ.pop("CC", None)
+    module.PATIENCE = PATIENCE
     find_compiler.cache_clear()
     machine_code(OURS)
     (library,) = cache.iterdir()
@@ -141,6 +143,7 @@ def attempt(folder: Path, name: str, rng: random.Random) -> str:
     (other,) = set(cache.iterdir()) - {library}
     DAMAGES[name](library, other, rng)
     find_compiler.cache_clear()
+    module.PATIENCE = 0.5 if name == HANGS else PATIENCE
     expected = values(OURS)
     try:
         for _ in range(2):
@@ -156,7 +159,6 @@ def attempt(folder: Path, name: str, rng: random.Random) -> str:
 
 if __name__ == "__main__":
     place, seed, count = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
-    module.PATIENCE = 0.5
     rng = random.Random(seed)
     outcomes: Counter[str] = Counter()
     for i in range(count):

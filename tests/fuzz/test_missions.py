@@ -57,6 +57,6 @@ def test_past_failures_of_missions_are_refused(name, place):
 @pytest.mark.slow
 def test_mutated_missions_are_read_or_refused_by_file_place_and_remedy(place):
     outcomes: Counter[str] = Counter()
-    for suffix, content in missions(SEED, share(1000)):
+    for suffix, content in missions(SEED, share(500)):
         outcomes[attempt(place, suffix, content)] += 1
     assert told("missions", outcomes, {"taken", "refused"}) == []

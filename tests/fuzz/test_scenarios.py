@@ -49,7 +49,7 @@ def test_past_failures_of_scenarios_are_refused(name, file):
 @pytest.mark.slow
 def test_mutated_scenarios_load_or_are_refused_by_key_value_and_remedy(file):
     outcomes: Counter[str] = Counter()
-    for data in scenarios(SEED, share(2500)):
+    for data in scenarios(SEED, share(1000)):
         file.write_text(toml_file(data), encoding="utf-8")
         outcomes[outcome(lambda: op.load(file), fault_of_refusal)] += 1
     assert told("scenarios", outcomes, {"taken", "refused"}) == []
@@ -58,7 +58,7 @@ def test_mutated_scenarios_load_or_are_refused_by_key_value_and_remedy(file):
 @pytest.mark.slow
 def test_extreme_scenarios_that_load_are_flown_to_their_words(file):
     outcomes: Counter[str] = Counter()
-    for data in extremes(SEED, share(1000)):
+    for data in extremes(SEED, share(400)):
         file.write_text(toml_file(data), encoding="utf-8")
         outcomes[outcome(lambda: flown(op.load(file)), fault_of_form)] += 1
     known = {"refused", "flown", "too long to fly", "not computable"}

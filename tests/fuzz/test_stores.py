@@ -71,7 +71,7 @@ def test_no_damage_changes_a_figure_unseen(tmp_path, monkeypatch):
     content = (out / FILE).read_bytes()
     rng = random.Random(SEED)
     outcomes: Counter[str] = Counter()
-    for _ in range(share(160)):
+    for _ in range(share(120)):
         damaged = bytearray(content)
         damage = rng.choice(DAMAGES)
         damage(damaged, rng)
@@ -89,7 +89,7 @@ def test_no_damage_changes_a_figure_unseen(tmp_path, monkeypatch):
         outcomes[became(seen, beyond, mended=mended)] += 1
     known = {"unharmed", "said and flown again", "said, beyond mending"}
     assert told("stores", outcomes, known) == []
-    assert outcomes["said and flown again"] > share(160) / 5
+    assert outcomes["said and flown again"] > share(120) / 5
 
 
 def refusal(attempt: Callable[[], object]) -> str | None:

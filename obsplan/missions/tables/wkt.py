@@ -21,7 +21,7 @@ _WKT = re.compile(
     r"(\s*SRID=\d+;)?\s*(MULTI)?(POINT|LINESTRING|LINEARRING|POLYGON|GEOMETRYCOLLECTION)",
     re.IGNORECASE,
 )
-_ORDER = "WKT has longitude latitude"
+_ORDER = "exchange them, WKT has longitude latitude"
 
 
 def is_wkt(text: str) -> bool:
