@@ -36,14 +36,19 @@ first_estimate = {{ sigma_position = 2.0 }}
 process_noise = {{ position = 0.02, speed = 0.01 }}
 """
 PLANNERS, VARY = ["gramian", "stationary"], ["cna.speed=1.5,3.0"]
-DIVERGES = "auv.0.first_estimate.x=0.0,1e200"  # the square of which no number holds
+DIVERGES = "estimator.drift=0.0,1e200"  # the square of which no number holds
 TABLES = ("campaign.csv", "campaign.parquet")
 LOOPBACK = ["--host", "127.0.0.1", "--no-dashboard"]
 
 
-def write_scenario(folder, *, duration=60.0, sigma=1.0, length=40.0, name="pond.toml"):
+def write_scenario(
+    folder, *, duration=60.0, sigma=1.0, length=40.0, name="pond.toml", diverging=False
+):
+    """``diverging``: under `DIVERGES` some missions fail."""
     path = Path(folder) / name
-    path.write_text(SCENARIO.format(duration=duration, sigma=sigma, length=length))
+    estimator = 'estimator = { kind = "tests.diverging:Diverging" }\n' if diverging else ""
+    text = SCENARIO.format(duration=duration, sigma=sigma, length=length)
+    path.write_text(text.replace("[[auv]]", f"{estimator}[[auv]]"))
     return str(path)
 
 

@@ -82,11 +82,9 @@ def sound(folder):
 
 def workers_of(process):
     """Processes that fly missions for a campaign."""
-    return [
-        child
-        for child in psutil.Process(process.pid).children(recursive=True)
-        if "spawn_main" in " ".join(child.cmdline())
-    ]
+    children = psutil.Process(process.pid).children(recursive=True)
+    alive = [child for child in children if child.status() != psutil.STATUS_ZOMBIE]
+    return [child for child in alive if "spawn_main" in " ".join(child.cmdline())]
 
 
 @pytest.mark.slow
@@ -189,8 +187,10 @@ def test_second_campaign_into_one_store_is_refused_and_harms_nothing(
 ):
     first = start(*arguments, tmp_path, "--workers", 1)
     wait_until(lambda: flown(tmp_path) > 0)
+    first.send_signal(signal.SIGSTOP)  # else it may end before the second has begun
     _, err = finish(start(*arguments, tmp_path, "--workers", 1), code=2)
     assert f"another campaign is at work in {tmp_path} (process {first.pid} on " in err
+    first.send_signal(signal.SIGCONT)
     finish(first)
     assert sound(tmp_path)
     assert tables(tmp_path) == undisturbed
@@ -306,7 +306,7 @@ def test_full_disk_is_one_sentence_and_the_store_goes_on_when_there_is_room(
 
 @pytest.mark.slow
 def test_table_that_finds_no_room_leaves_the_one_before(tmp_path):
-    pond = write_scenario(tmp_path, duration=10.0)
+    pond = write_scenario(tmp_path, duration=10.0, diverging=True)
     line = [pond, "--vary", DIVERGES, "--runs", 2, "--workers", 1, "--out", tmp_path / "out"]
     finish(start(*line), code=3)
     before = tables(tmp_path / "out")

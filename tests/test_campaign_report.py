@@ -341,7 +341,7 @@ def test_legend_of_a_campaign_is_beside_its_panels(grid):
     ("key", "values", "said"),
     [
         ("cna.speed", [1.0, 2.0], "cna.speed: cruising speed [m/s]"),
-        ("auv.0.first_estimate.x", [1.0, 2.0], "auv.0.first_estimate.x: east [m]"),
+        ("estimator.drift", [1.0, 2.0], "estimator.drift: east [m]"),
         ("duration", [60.0, 90.0], "duration: of the mission [s]"),
         ("auv.1.weight", [1.0, 2.0], "auv.1.weight: weight in the planner's objective [-]"),
         ("planner.hold", [1.0, 2.0], "planner.hold: time a turn is held [s]"),
@@ -476,7 +476,7 @@ def test_table_on_the_terminal_has_a_row_per_setting_and_says_what_it_leaves_out
 
 @pytest.mark.slow
 def test_report_of_a_campaign_from_the_command_line(tmp_path, monkeypatch, capsys):
-    pond = write_scenario(tmp_path, duration=10.0)
+    pond = write_scenario(tmp_path, duration=10.0, diverging=True)
     vary = ["--vary", DIVERGES, "--vary", "ranging.sigma=1.0,2.0"]
     finish(
         start(
@@ -500,8 +500,8 @@ def test_report_of_a_campaign_from_the_command_line(tmp_path, monkeypatch, capsy
     assert "20 of 40 missions failed and are left out" in told
     report = tmp_path / "out/report"
     assert {path.name for path in report.iterdir()} == {
-        "medians.csv", "pairs.csv", "planners.png", "error-vs-auv.0.first_estimate.x.png", "error-vs-ranging.sigma.png",
-        "map-pond-auv.0.first_estimate.x-ranging.sigma.png",
+        "medians.csv", "pairs.csv", "planners.png", "error-vs-estimator.drift.png", "error-vs-ranging.sigma.png",
+        "map-pond-estimator.drift-ranging.sigma.png",
     }  # fmt: skip
     for figure in report.glob("*.png"):
         assert image.imread(figure).std() > 0.05  # something is drawn
