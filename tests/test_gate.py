@@ -179,7 +179,11 @@ def test_no_efficiency_is_claimed_where_not_one_range_was_measured(unmeasured):
     ("changes", "words"),
     [
         ({"ranging__sigma": 1e4}, "its ranges told next to nothing"),
-        ({"auv__0__first_estimate__sigma_position": 99e3}, "position found late, to "),
+        ({"auv__0__first_estimate__sigma_position": 99e3}, "position not known, "),
+        (
+            {"auv__0__first_estimate__sigma_position": 1e3, "duration": 300.0},
+            "position found late, to 0.",
+        ),
         ({"cna__start__x": 9000.0, "planner": "stationary"}, "never nearer than 89"),
     ],
 )

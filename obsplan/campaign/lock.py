@@ -3,7 +3,7 @@
 import os
 import socket
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TextIO
 
@@ -26,19 +26,34 @@ def held(folder: Path) -> Iterator[None]:
     """
     path = folder / LOCK
     try:
-        file = path.open("a+", encoding="utf-8")
+        file = locked(path, folder)
     except OSError:  # the store, which cannot be written either, says why
         yield
         return
     with file:
-        take(file, folder)
         file.truncate(0)
         file.write(f"process {os.getpid()} on {socket.gethostname()}")
         file.flush()
         try:
             yield
         finally:
-            path.unlink(missing_ok=True)
+            with suppress(OSError):  # Windows removes no file that is open
+                path.unlink()
+
+
+def locked(path: Path, folder: Path) -> TextIO:
+    """Open a file and lock it; anew if another process has removed it in between."""
+    while True:
+        file = path.open("a+", encoding="utf-8")
+        try:
+            take(file, folder)
+            with suppress(FileNotFoundError):
+                if os.path.samestat(os.fstat(file.fileno()), path.stat()):
+                    return file
+        except BaseException:
+            file.close()
+            raise
+        file.close()
 
 
 def take(file: TextIO, folder: Path) -> None:

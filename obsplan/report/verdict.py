@@ -28,6 +28,7 @@ STRONG = 0.25  # of the aid vehicle's speed: a current that is felt
 LOST = 5.0  # [σ] median error in the second half of the mission
 AGREE = 0.2  # of the median error: a distance so much smaller explains it
 ASTRAY = 2.0  # times what an AUV is known to be within: an error that says it is not known at all
+FOUND = 0.1  # of the same: a median error in the second half that says it has become known
 TOLD = 0.98  # of the variance of dead reckoning: what ranges leave if they tell next to nothing
 STRAIGHT = 0.05  # of the mean separation: a track so narrow looks straight
 FARTHEST = 2500.0  # [m], reach of the acoustic modems in use
@@ -190,7 +191,7 @@ def _astray(run: Run, i: int, worst: str) -> str:
     late = float(np.median(run.error[i, run.time.size // 2 :]))
     size = metres(whereabouts(run, i))
     rms = metres(float(np.sqrt(np.mean(run.error[i] ** 2))))
-    if late < whereabouts(run, i):
+    if late < FOUND * whereabouts(run, i):
         return (
             f"{run.names[i]}: position found late, to {metres(late)} in the second half; {rms} "
             f"RMS off in all ({worst}), and the mission takes place within {size}: look at "

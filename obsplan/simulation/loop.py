@@ -28,11 +28,12 @@ from obsplan.planning.interface import (
     checked_start,
 )
 from obsplan.planning.limits import within_limits
-from obsplan.run import Run, Timing, record
+from obsplan.run import Run, Timing
 from obsplan.scenario import Scenario, load
 from obsplan.scenario.states import BASIC
 from obsplan.simulation.advance import Advance
 from obsplan.simulation.inputs import mission_inputs
+from obsplan.simulation.recorded import record
 from obsplan.simulation.step import HELD, Carry, Inputs, Log, StepBuilder, folded, shape_of
 from obsplan.surveys import Reference
 from obsplan.types import Belief, Pose
