@@ -341,7 +341,7 @@ def test_legend_of_a_campaign_is_beside_its_panels(grid):
     ("key", "values", "said"),
     [
         ("cna.speed", [1.0, 2.0], "cna.speed: cruising speed [m/s]"),
-        ("estimator.drift", [1.0, 2.0], "estimator.drift: east [m]"),
+        ("auv.0.first_estimate.x", [1.0, 2.0], "auv.0.first_estimate.x: east [m]"),
         ("duration", [60.0, 90.0], "duration: of the mission [s]"),
         ("auv.1.weight", [1.0, 2.0], "auv.1.weight: weight in the planner's objective [-]"),
         ("planner.hold", [1.0, 2.0], "planner.hold: time a turn is held [s]"),

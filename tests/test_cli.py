@@ -264,7 +264,7 @@ def test_shell_completes_commands_scenarios_and_planners(tmp_path):
         asked = {"_OBSPLAN_COMPLETE": "complete_bash", **words}
         return obsplan(cwd=tmp_path, env=asked).stdout.split()
 
-    assert completed("obsplan camp") == ["campaign", "campaign-report"]
+    assert completed("obsplan camp") == ["campaign", "campaign-check", "campaign-report"]
     assert completed("obsplan run harb") == ["harbor-survey"]
     assert completed("obsplan compare suite/keep") == ["suite/keep-outs"]
     assert completed("obsplan compare x --planners circle,sta") == ["circle,stationary"]

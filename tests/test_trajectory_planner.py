@@ -235,7 +235,7 @@ def test_deadline_leaves_the_best_manoeuvre_and_a_generous_one_changes_nothing()
         (
             "max_turn_acceleration",
             0.0,
-            r"max_turn_acceleration must be from 1e-06 to 100 rad/s\^2 \(.*\), got 0.0",
+            r"max_turn_acceleration must be from 0.000001 to 100 rad/s\^2 \(.*\), got 0.0",
         ),
         ("deadline", -1.0, r"deadline must be from 0.001 to 86400 s \(.*\), got -1.0"),
         (

@@ -29,6 +29,7 @@ TOLERANCE = 1e-8  # of the optimality conditions, in units of the task
 # Largest residual of these conditions, computed anew, of an answer that is believed: each solver
 # scales its own, and true answers had 2e-8 at most, such as had failed 1e-5 at least.
 CERTIFIED = 1e-6
+LARGE = 100.0  # mean multiplier, past which these conditions are relative
 # Of fatrop: a larger one leaves the neighbourhood of a good start, whose turns are often at their
 # limit.
 FIRST_BARRIER = 1e-4
@@ -280,7 +281,9 @@ class Program:
         """Largest residual of the optimality conditions of Karush, Kuhn and Tucker.
 
         These are violated bounds and rows, the gradient of the Lagrangian, and products of
-        multipliers, negative at lower bounds, and slacks; nan where one is.
+        multipliers, negative at lower bounds, and slacks that are left (1 where there is no bound);
+        nan where one is. The last two are relative to the mean multiplier where that is above
+        `LARGE` (Wächter and Biegler 2006, (6)).
         """
         gradient, rows = self._lagrangian(found["x"], parameters, found["lam_g"])
         dual = gradient.full() + found["lam_x"].full()
@@ -290,10 +293,11 @@ class Program:
         most = np.concatenate([upper, self._rows[1]])
         primal = np.maximum(least - value, value - most)
         slack = np.where(multiplier < 0, value - least, most - value)
-        held = multiplier != 0
-        gap = np.abs(multiplier[held] * slack[held])
-        residuals = np.concatenate([primal, np.abs(dual).ravel(), gap, [0.0]])
-        return float(residuals.max())
+        left = np.where(np.isinf(slack), 1.0, np.maximum(slack, 0.0))
+        gap = multiplier * left
+        scale = max(1.0, float(np.abs(multiplier).mean()) / LARGE)
+        scaled = np.abs(np.concatenate([dual.ravel(), gap])) / scale
+        return float(np.concatenate([primal, scaled]).max())
 
     def penalty(self, controls: Controls, parameters: Float[np.ndarray, " n"]) -> float:
         """Cost of breaking the limits, margins included, in the program's objective."""

@@ -22,6 +22,7 @@ PROBES = PROBE * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
 FIRST = 30  # iterations of the descents from all starts
 ITERATIONS = 300  # of the better ones' descents
 POLISH = 3000  # of the best's
+RESUMED = 3  # more descents, where the last ended short of an optimum
 BETTER = 3  # one of so many starts is worth going on with
 REDUCTION = 1e-8  # of the objective, relative to going straight on, that a descent ends below
 PAIRS = 20  # steps remembered as curvature
@@ -212,6 +213,7 @@ def optimise(
     for _ in range(shakes):
         best = min(best, descended(perturbed(best.w, random)), key=rank)
     best = min(descended(best.w, POLISH), best, key=rank)
+    best = _resumed(objective, best)
     return Solution(
         x=best.w * problem.max_turn_rate,
         objective=best.value,
@@ -264,6 +266,15 @@ def descend(
     except Exception:  # whatever the minimiser stumbles over ends this descent alone
         return _failed(objective, start)
     return assess(objective, w, Status.OPTIMAL if success else Status.INACCURATE)
+
+
+def _resumed(objective: Objective, best: Candidate) -> Candidate:
+    """Descend again from what the minimiser calls an optimum and is none, a few times at most."""
+    for _ in range(RESUMED):
+        if best.status != Status.OPTIMAL or objective.cauchy_decrease(best.w) <= CERTIFIED:
+            break
+        best = min(descend(objective, best.w, POLISH), best, key=rank)
+    return best
 
 
 def _failed(objective: Objective, start: Float[np.ndarray, " n"]) -> Candidate:

@@ -29,7 +29,8 @@ def fleet(count):
 @pytest.mark.parametrize("name", EXPRESSIONS)
 def test_source_of_a_decision_is_hardly_longer_for_many_auvs(name):
     expression = EXPRESSIONS[name].expression
-    few, many = (len(generate(decision_function(expression, n))) for n in (8, 64))
+    cna = SITUATION.cna
+    few, many = (len(generate(decision_function(expression, n, cna))) for n in (8, 64))
     assert many < 1.2 * few
 
 
