@@ -16,7 +16,7 @@ measured in the same run: read the ratios. The rows of a table are sorted; ratio
 
 Machine: {machine}, Python {python}. {date}, obsplan {version}.
 
-To repeat it on yours (a quarter of an hour; keep the machine quiet):
+To repeat it on yours (some minutes; keep the machine quiet):
 
 ```
 python -m pip install -e '.[test,bench]'

@@ -37,6 +37,6 @@ def test_source_of_a_decision_is_hardly_longer_for_many_auvs(name):
 @pytest.mark.parametrize("count", [1, 8, 64])
 @pytest.mark.parametrize("name", PLANNERS)
 def test_decision(name, count, benchmark):
-    benchmark.group = name
+    benchmark.group = f"one decision for 1 to 64 AUVs, {name}"
     decision = benchmark(PLANNERS[name].plan, POSE, fleet(count))
     assert decision.status in TRUSTED
