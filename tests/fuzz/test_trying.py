@@ -2,7 +2,7 @@
 
 import pytest
 from fuzz import trying
-from fuzz.test_missions import fault_of_refusal as fault_of_mission
+from fuzz.test_mission_files import fault_of_refusal as fault_of_mission
 from fuzz.test_scenarios import fault_of_refusal as fault_of_scenario
 from fuzz.trying import fault_of_form, outcome
 
