@@ -2,6 +2,7 @@
 
 import os
 
+import pytest
 from hypothesis import settings
 
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -9,3 +10,11 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 settings.register_profile("steady", deadline=None, derandomize=True)
 settings.load_profile("steady")
+
+
+@pytest.fixture(autouse=True)
+def no_figure_fails_unseen(caplog):
+    """A figure that cannot be drawn is replaced by one that says so; in a test that is a fault."""
+    yield
+    logged = caplog.get_records("setup") + caplog.get_records("call")
+    assert not any("cannot be drawn" in record.getMessage() for record in logged)

@@ -18,7 +18,7 @@ from campaigns import (
 )
 
 from obsplan import ObsplanError, load_campaign
-from obsplan.campaign import fly_campaign, plan_cells
+from obsplan.campaign import fly_campaign, lock, plan_cells
 from obsplan.campaign.faults import FILE
 from obsplan.campaign.lock import held
 from obsplan.campaign.worker import Batch
@@ -105,6 +105,22 @@ def test_second_campaign_in_a_folder_is_told_who_has_it(complete):
     with held(out), pytest.raises(ObsplanError, match=here):
         fly_campaign(cells, out)
     fly_campaign(cells, out)
+
+
+def test_lock_of_a_file_that_another_campaign_removes_meanwhile_is_taken_anew(
+    tmp_path, monkeypatch
+):
+    taken = []
+
+    def take(file, folder):
+        taken.append(file)
+        if len(taken) == 1:  # it was opened before the other campaign ended
+            (folder / lock.LOCK).unlink()
+
+    monkeypatch.setattr(lock, "take", take)
+    with held(tmp_path):
+        assert str(os.getpid()) in (tmp_path / lock.LOCK).read_text()
+    assert not (tmp_path / lock.LOCK).exists()
 
 
 @pytest.mark.usefixtures("crew")

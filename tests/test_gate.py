@@ -244,11 +244,14 @@ def test_nothing_that_a_terminal_acts_on_is_printed(monkeypatch):
     assert visible("Ä\u00a0→") == "Ä\u00a0→"
 
 
-def test_a_figure_that_numbers_make_impossible_is_a_figure_that_says_so():
+def test_a_figure_that_numbers_make_impossible_is_a_figure_that_says_so(caplog):
     def draw():
         raise OverflowError("too large")
 
     assert png(draw).startswith(b"\x89PNG")
+    assert "This figure cannot be drawn: " in caplog.text
+    assert "OverflowError: too large" in caplog.text
+    caplog.clear()
     with pytest.raises(TypeError):  # a fault of ours is no number's
         png(lambda: 1 + None)  # pyright: ignore[reportOperatorIssue]
 

@@ -47,7 +47,7 @@ def campaign(
         int,
         typer.Option(
             "--runs",
-            min=1,
+            min=RUNS.least,
             max=RUNS.greatest,
             help="Seeds per combination; the same for each planner and setting.",
         ),
@@ -55,7 +55,10 @@ def campaign(
     seed: Annotated[
         int | None,
         typer.Option(
-            "--seed", min=0, max=SEED.greatest, help="The first of them; default: the scenario's."
+            "--seed",
+            min=SEED.least,
+            max=SEED.greatest,
+            help="The first of them; default: the scenario's.",
         ),
     ] = None,
     vary: Annotated[

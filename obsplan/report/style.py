@@ -1,6 +1,7 @@
 """What the figures share: colours, the time axis, thinning, and PNGs of the same bytes."""
 
 import io
+import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
@@ -34,6 +35,8 @@ LETTERS = 14  # of 8 pt in an inch, and some margin
 DPI = 150
 MOST_POINTS = 4000  # of a line over time; more than twice the pixels of its panel
 
+log = logging.getLogger("obsplan")
+
 _STYLE: dict[str, Any] = {
     "font.size": 9,
     "axes.titlesize": 10,
@@ -62,13 +65,16 @@ def styled() -> Iterator[None]:
 def png(draw: Callable[[], Figure]) -> bytes:
     """Draw a figure without any window system; the bytes tell neither when nor by whom.
 
-    One that numbers make impossible is replaced by one that says so: what was flown is kept.
+    One that numbers make impossible is replaced by one that says so, and a warning is logged: what
+    was flown is kept.
     """
     with styled():
         try:
             return _saved(draw())
         except (*UNCOMPUTABLE, ValueError) as error:
-            return _saved(_not_drawn(error))
+            why = f"This figure cannot be drawn: {uncomputable(error)}."
+            log.warning(why)
+            return _saved(_not_drawn(why))
 
 
 def _saved(figure: Figure) -> bytes:
@@ -77,11 +83,10 @@ def _saved(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def _not_drawn(error: Exception) -> Figure:
+def _not_drawn(why: str) -> Figure:
     """A figure that says why there is none."""
     figure = Figure(figsize=(6.0, 2.0))
-    why = fill(f"This figure cannot be drawn: {uncomputable(error)}.", 70)
-    figure.text(0.5, 0.5, why, ha="center", va="center", parse_math=False)
+    figure.text(0.5, 0.5, fill(why, 70), ha="center", va="center", parse_math=False)
     return figure
 
 

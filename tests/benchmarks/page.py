@@ -9,10 +9,12 @@ import sys
 from itertools import groupby
 from pathlib import Path
 
+import obsplan
+
 HEAD = """# How fast it is
 
-Every figure of this page was measured in one run, on one machine, and stands beside a rival that was
-measured in the same run: read the ratios. The rows of a table are sorted; ratios are to the first.
+Everything here was measured in one run on one machine. A table has what is to be compared: a rival, the
+same without a compiler, or the same for more AUVs, steps or points. Read the ratios, which are to its first row.
 
 Machine: {machine}, Python {python}. {date}, obsplan {version}.
 
@@ -60,8 +62,6 @@ def table(title, benchmarks):
 
 
 def page(recorded):
-    import obsplan
-
     machine = recorded["machine_info"]
     cpu = machine["cpu"]
     told = f"{cpu['brand_raw']}, {cpu['count']} cores"

@@ -10,7 +10,6 @@ one run only:
 import ctypes
 import math
 import subprocess
-from functools import cache
 
 import numpy as np
 import pytest
@@ -158,7 +157,6 @@ void scored(const double* pose, const double* rates, const double* times, double
 """
 
 
-@cache
 def loop_in_c(folder):
     source, library = folder / "loop.c", folder / "loop.so"
     source.write_text(LOOP)
