@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from .metrics import EPS
 from .model.casadi import symbol
-from .model.covariance import deviation, propagate, symmetric
+from .model.covariance import propagate, symmetric
 from .model.recursion import Recursion
 
 
@@ -35,7 +35,7 @@ def range_information(
     unless sigma is positive.
     """
     separation, squared = _separation(beacon, target)
-    divisor = np.where(squared > 0, squared, 1.0) * _variance(sigma, separation)
+    divisor = np.where(squared > 0, squared, 1.0) * positive(sigma) ** 2
     return _outer(separation) / divisor[..., None, None]
 
 
@@ -52,7 +52,7 @@ def squared_range_information(
     more the farther, nothing at d = 0. Raises ValueError unless sigma is positive.
     """
     separation, squared = _separation(beacon, target)
-    variance = np.broadcast_to(_variance(sigma, separation), squared.shape)
+    variance = np.broadcast_to(positive(sigma) ** 2, squared.shape)
     return 4.0 * _outer(separation) / variance[..., None, None]
 
 
@@ -154,11 +154,6 @@ def _separation(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _outer(x: np.ndarray) -> np.ndarray:
     return x[..., :, None] * x[..., None, :]
-
-
-def _variance(sigma: float | np.ndarray, separation: np.ndarray) -> np.ndarray:
-    """Return the variance of ranges over separations, once sigma is known to be positive."""
-    return np.asarray(deviation(positive(sigma), separation) ** 2)
 
 
 def positive(sigma: float | np.ndarray) -> np.ndarray:

@@ -118,6 +118,18 @@ SPEED_SIGMA = Quantity(0.0, 50.0, "m/s", "no vessel is faster")
 POSITION_WALK = Quantity(0.0, 100.0, "m/sqrt(s)", "100 m in a second is no dead reckoning")
 SPEED_WALK = Quantity(0.0, 10.0, "m/s/sqrt(s)", "no survey AUV is faster than that")
 
+# sound and depth
+SOUND_SPEED = Quantity(1300.0, 1700.0, "m/s", "that of no water is outside")
+DEPTH = Quantity(0.0, 12_000.0, "m", "the surface to the deepest sea")
+DEPTH_SIGMA = Quantity(0.0, 1000.0, "m", "who errs more knows no depth")
+GROWTH = Quantity(0.0, 1.0, "m/m", "an error of the whole distance is no range")
+TURNAROUND = Quantity(0.0, 60.0, "s", "a transponder that waits longer is off")
+TIME_SIGMA = Quantity(0.0, 10.0, "s", "15 km by the speed of sound")
+CLOCK_OFFSET = Quantity(-10.0, 10.0, "s", "15 km by the speed of sound")
+CLOCK_DRIFT = Quantity(-1e-3, 1e-3, "s/s", "a quartz without any care does better")
+SHARE = Quantity(0.0, 1.0, "", "a probability")
+SLOT = Quantity(0.0, 3600.0, "s", "no acoustic network waits for an hour")
+
 # weights without a unit
 WEIGHT = Quantity(0.0, 1e6, "", "a weight of a million leaves the others no say")
 

@@ -55,8 +55,9 @@ class Belief:
     ``mean`` is (east [m], north [m], heading [rad], speed through the water [m/s]); ``covariance``
     (4 x 4) the AUV's own, as last reported and predicted since, wherever the mean comes from;
     ``process_noise`` the standard deviations per square root of a second of position [m], heading
-    [rad] and speed [m/s]; ``current`` the water's velocity [m/s], by which it is carried; ``route``
-    its planned positions as a function of time from now [s], where they are known.
+    [rad] and speed [m/s]; ``current`` the water's velocity [m/s], by which it is carried; ``depth``
+    that of its transducer [m], which counts where ranges are slant; ``route`` its planned positions
+    as a function of time from now [s], where they are known.
 
     ``checked=False`` keeps the arrays themselves, whatever they hold. The simulator asks for it: a
     filter that has failed is for the planner to answer, with a status.
@@ -74,6 +75,7 @@ class Belief:
     process_noise: tuple[float, float, float] = (0.0, 0.0, 0.0)
     weight: float = 1.0
     current: tuple[float, float] = (0.0, 0.0)
+    depth: float = 0.0
     route: Callable[[np.ndarray], np.ndarray] | None = None
     checked: InitVar[bool] = True
 

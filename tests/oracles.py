@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.integrate import quad_vec
 
-from formulations.model.covariance import Ranging
+from formulations.model.ranging import Ranging
 from obsplan.planning.situation import Situation
 from obsplan.scenario import from_dict
 

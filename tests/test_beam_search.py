@@ -13,15 +13,16 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from formulations.beam_search import search, search_manoeuvres, selection, turn_candidates
-from formulations.beam_search.branching import branching
+from formulations.beam_search.branching import Kind, branching
 from formulations.beam_search.compiled import Compiled, machine_code
 from formulations.beam_search.interpreted import Interpreted
 from formulations.beam_search.search import beam_of
 from formulations.beam_search.selection import LOOKS
 from formulations.model import covariance
 from formulations.model.compiler import compiled_library
-from formulations.model.covariance import Ranging, Tracks, conditioned, motions, pack_array
+from formulations.model.covariance import Tracks, conditioned, motions, pack_array
 from formulations.model.lanes import in_lanes, vectors
+from formulations.model.ranging import Form, Ranging
 from formulations.model.schedule import Stages, ping_stages
 from formulations.solution import Status
 
@@ -284,7 +285,7 @@ def test_weights_count_relative_to_each_other_and_zero_not_at_all():
     assert scaled.objective == pytest.approx(plain.objective, rel=1e-12)
     np.testing.assert_array_equal(scaled.x, plain.x)
     alone = {key: given[key][:1] for key in ("covariance", "process_noise", "weights")}
-    alone["tracks"] = Tracks(*(part[:, :1] for part in given["tracks"]))
+    alone["tracks"] = Tracks(*(part[:, :1] for part in given["tracks"][:3]))
     one = search_manoeuvres(**given | alone)
     muted = search_manoeuvres(**given | {"weights": np.array([3.0, 0.0])})
     np.testing.assert_array_equal(muted.x, one.x)
@@ -327,11 +328,12 @@ def test_known_position_has_a_finite_log_determinant():
 
 def beams(auvs, stages, width, *, squared=False, criterion="trace"):
     """What a search works with, as machine code and as arrays."""
-    library = machine_code(auvs, 5, squared, criterion)
+    kind = Kind(auvs, 5, Form(squared), criterion)
+    library = machine_code(kind)
     if library is None:
         pytest.skip("there is no C compiler")
-    compiled = Compiled(library, auvs, 5, stages, width)
-    return compiled, Interpreted(branching(auvs, 5, squared, criterion), 5, width)
+    compiled = Compiled(library, kind, stages, width)
+    return compiled, Interpreted(branching(kind), 5, width)
 
 
 @pytest.mark.parametrize(("squared", "criterion"), [(False, "trace"), (True, "log-det")])
@@ -376,7 +378,7 @@ def test_machine_code_goes_stage_by_stage_as_arrays_do():
 
 
 def by_machine_code(cost, count):
-    library = machine_code(2, 5, False, "trace")
+    library = machine_code(Kind(2, 5, Form(), "trace"))
     if library is None:
         pytest.skip("there is no C compiler")
     kept, key, among = (np.empty(cost.size, dtype=np.int64) for _ in range(3))
@@ -524,4 +526,4 @@ def test_violation_of_a_sequence_is_the_worst_along_its_arcs():
 
 def test_criterion_that_is_not_known_is_refused_with_those_that_are():
     with pytest.raises(ValueError, match='criterion must be one of trace, log-det, got "logdet"'):
-        beam_of(1, 3, False, "logdet", 2, 9)
+        beam_of(Kind(1, 3, Form(), "logdet"), 2, 9)

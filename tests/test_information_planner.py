@@ -13,7 +13,8 @@ import obsplan as op
 from formulations.beam_search import branching, compiled, search_manoeuvres, turn_candidates
 from formulations.beam_search.search import beam_of
 from formulations.model import compiler
-from formulations.model.covariance import Ranging, condition_on_range
+from formulations.model.covariance import condition_on_range
+from formulations.model.ranging import Ranging
 from formulations.model.schedule import Stages, ping_stages
 from formulations.solution import Status
 from obsplan.planners.information import predicted_tracks

@@ -9,7 +9,7 @@ import pytest
 from oracles import Spy, scenario
 
 import obsplan as op
-from formulations.model.covariance import Ranging
+from formulations.model.ranging import Ranging
 from obsplan.constraints import Constraints, Disc
 from obsplan.planners import PLANNERS, planner_class
 from obsplan.planning.interface import CAPABILITIES, check_planner

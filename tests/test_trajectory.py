@@ -11,7 +11,7 @@ from scipy.integrate import quad_vec
 from scipy.linalg import expm
 from scipy.optimize import minimize
 
-from formulations.model.covariance import Ranging
+from formulations.model.ranging import Ranging
 from formulations.solution import Status
 from formulations.trajectory import Controls, PathLimits, Task, convex_areas, freer_side, optimise
 from formulations.trajectory.expressions import Shape, limits

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from oracles import arc
 
-from formulations.model.covariance import Ranging
+from formulations.model.ranging import Ranging
 from formulations.solution import Status
 from formulations.whole_mission import Problem, optimise
 from formulations.whole_mission.covariance import PredictedVariance

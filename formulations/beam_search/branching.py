@@ -1,46 +1,69 @@
 """One stage of one sequence of turns, as an expression."""
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from ..model.arcs import compose
 from ..model.casadi import SX, Cases, matrix, symbol
-from ..model.covariance import condition_on_range, pack, predict, unpack
+from ..model.covariance import DEPTH, condition_on_range, informed, pack, predict, unpack
+from ..model.ranging import Form, law
 
 CRITERIA = ("trace", "log-det")
 TINY = 1e-30  # [m^4]; a position known exactly has no logarithm
-HALF = 10  # entries of a packed covariance
-# What a branching is told of an AUV: where it is at the last ranges and the next, and how it moves.
+# What a branching is told of an AUV at the last ranges and at the next: where it is, how far the
+# aid vehicle is above it, how many ranges there are, and the root of what else is known then.
+AT_RANGES = ("x", "y", "height", "pings", "root_east", "root_both", "root_north")
 AUV = (
-    *("x_before", "y_before", "x", "y", "cos", "sin", "speed"),
-    *("east_noise", "north_noise", "heading_noise", "speed_noise", "weight"),
+    *(f"{name}_before" for name in AT_RANGES),
+    *AT_RANGES,
+    *("cos", "sin", "speed"),
+    *("east_noise", "north_noise", "heading_noise", "speed_noise", "depth_noise", "weight"),
 )
-STAGE = ("duration", "share", "pings_before", "pings", "sigma")  # share: of the horizon
+# Of the horizon, the share; then the numbers of the ranging's law.
+STAGE = ("duration", "share", "sigma", "growth", "loss", "per_half_distance", "per_reach")
 UNROLLED = 500  # AUVs times turns, up to which the virtual machine runs a branching on scalars
 
 
+class Kind(NamedTuple):
+    """What the machine code of a search depends on."""
+
+    auvs: int
+    turns: int
+    form: Form
+    criterion: str
+    states: int = 4  # of an AUV; with a fifth the depth is one
+    aided: bool = False  # whether more is known at ranges than they tell
+
+    @property
+    def half(self) -> int:
+        """Entries of a packed covariance."""
+        return self.states * (self.states + 1) // 2
+
+
 @lru_cache(maxsize=16)
-def branching(auvs: int, turns: int, squared: bool, criterion: str) -> Cases:
+def branching(kind: Kind) -> Cases:
     """One stage of one sequence, for many sequences.
 
-    (pose, packed covariances: HALF x M, cost so far, told)
-    -> (costs: K, poses: 3 x K, packed covariances: HALF x M)
+    (pose, packed covariances: half x M, cost so far, told)
+    -> (costs: K, poses: 3 x K, packed covariances: half x M)
 
     ``told`` holds ``AUV`` of each, ``STAGE`` and the moves of the turns, 3 x K, one after the
     other.
     """
+    auvs, turns = kind.auvs, kind.turns
     sizes = told_sizes(auvs, turns)
     pose = matrix("pose", 3)
-    P = matrix("P", HALF, auvs)
+    P = matrix("P", kind.half, auvs)
     cost = matrix("cost")
     told = matrix("told", sum(sizes))
     auv, stage, moves = ca.vertsplit(told, np.cumsum([0, *sizes]).tolist())
     auv = ca.reshape(auv, len(AUV), auvs)
     moves = ca.reshape(moves, 3, turns)
     poses = composed(turns)(pose, moves)
-    of_all = of_one(turns, squared, criterion).map(auvs)
+    of_all = of_one(kind).map(auvs)
     repeated = [ca.repmat(part, 1, auvs) for part in (pose, poses, stage)]
     known, predicted = of_all(P, auv, *repeated)
     share, weight = stage[STAGE.index("share")], auv[AUV.index("weight"), :]
@@ -55,25 +78,36 @@ def told_sizes(auvs: int, turns: int) -> tuple[int, int, int]:
 
 
 @lru_cache(maxsize=16)
-def of_one(turns: int, squared: bool, criterion: str) -> ca.Function:
+def of_one(kind: Kind) -> ca.Function:
     """A branching of one AUV.
 
     (covariance, AUV, pose, poses: 3 x K, STAGE) -> (criterion after each turn: K, covariance)
     """
-    P, auv, stage = symbol("P", HALF), symbol("auv", len(AUV)), symbol("stage", len(STAGE))
-    pose, poses = symbol("pose", 3), symbol("poses", 3, turns)
-    duration, _, last_pings, pings, sigma = ca.vertsplit(stage)
-    before, there, motion, noise, _ = ca.vertsplit(auv, [0, 2, 4, 7, 11, 12])
-    last = pose[:2] - before
-    begun = condition_on_range(unpack(P), last, sigma=sigma, pings=last_pings, squared=squared)
-    predicted = predict(begun, motion, noise, duration)
+    P, auv, stage = symbol("P", kind.half), symbol("auv", len(AUV)), symbol("stage", len(STAGE))
+    pose, poses = symbol("pose", 3), symbol("poses", 3, kind.turns)
+    duration, _, numbers = ca.vertsplit(stage, [0, 1, 2, len(STAGE)])
+    at = len(AT_RANGES)
+    before, there, motion, noise, _ = ca.vertsplit(
+        auv, [0, at, 2 * at, 2 * at + 3, -1 + len(AUV), len(AUV)]
+    )
+    begun = _at_ranges(unpack(P, kind.states), pose, before, numbers, kind)
+    predicted = predict(begun, motion, noise[: kind.states], duration)
+    place = [0, 1, *range(DEPTH, kind.states)]
     known = []
-    for k in range(turns):
-        x = poses[:2, k] - there
-        after = condition_on_range(predicted[:2, :2], x, sigma=sigma, pings=pings, squared=squared)
-        known.append(_criterion(after, criterion))
+    for k in range(kind.turns):
+        after = _at_ranges(predicted[place, place], poses[:, k], there, numbers, kind)
+        known.append(_criterion(after, kind.criterion))
     outputs = [ca.vertcat(*known), pack(predicted)]
     return ca.Function("of_one", [P, auv, pose, poses, stage], outputs, {"cse": True})
+
+
+def _at_ranges(P: SX, pose: SX, there: SX, numbers: SX, kind: Kind) -> SX:
+    """What is known once the ranges from a pose have come, and what else is known then."""
+    position, height, pings, root = ca.vertsplit(there, [0, 2, 3, 4, len(AT_RANGES)])
+    x = pose[:2] - position
+    ranging = law(kind.form, numbers)
+    known = condition_on_range(P, x, law=ranging, pings=pings, height=height)
+    return informed(known, root) if kind.aided else known
 
 
 @lru_cache(maxsize=16)
@@ -84,7 +118,9 @@ def composed(turns: int) -> ca.Function:
 
 
 def _criterion(P: SX, name: str) -> SX:
-    """Trace or log det of the position covariance."""
+    """Trace or log det of the position covariance, the depth's with it where that is a state."""
+    if P.shape[0] > 2:
+        return ca.trace(P) if name == "trace" else ca.log(ca.fmax(ca.det(P), TINY))
     if name == "trace":
         return P[0, 0] + P[1, 1]
     return ca.log(ca.fmax(P[0, 0] * P[1, 1] - P[0, 1] ** 2, TINY))

@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from ..model.casadi import address
 from ..model.compiler import compiled_library
 from ..model.lanes import LANES, in_lanes, vectors
-from .branching import AUV, HALF, STAGE, composed, of_one
+from .branching import AUV, STAGE, Kind, composed, of_one
 
 INTEGER, POINTER = ctypes.c_int64, ctypes.c_void_p
 ARGUMENTS = {  # of each function, as ``beam.c`` has them
@@ -25,9 +25,9 @@ ARGUMENTS = {  # of each function, as ``beam.c`` has them
 
 
 @lru_cache(maxsize=16)
-def machine_code(auvs: int, turns: int, squared: bool, criterion: str) -> Any:
+def machine_code(kind: Kind) -> Any:
     """The library of a search; None without a compiler."""
-    path = compiled_library(source(auvs, turns, squared, criterion), asked_for=False)
+    path = compiled_library(source(kind), asked_for=False)
     if path is None:
         return None
     library = ctypes.CDLL(str(path))
@@ -37,20 +37,20 @@ def machine_code(auvs: int, turns: int, squared: bool, criterion: str) -> Any:
     return library
 
 
-def source(auvs: int, turns: int, squared: bool, criterion: str) -> str:
+def source(kind: Kind) -> str:
     """C of a search."""
     sizes = {
-        "AUVS": auvs,
-        "TURNS": turns,
-        "HALF": HALF,
+        "AUVS": kind.auvs,
+        "TURNS": kind.turns,
+        "HALF": kind.half,
         "AUV": len(AUV),
         "STAGE": len(STAGE),
         "SHARE": STAGE.index("share"),
         "WEIGHT": AUV.index("weight"),
     }
     defined = "".join(f"#define {name} {size}\n" for name, size in sizes.items())
-    poses = in_lanes(composed(turns), shared=[1])
-    known = in_lanes(of_one(turns, squared, criterion), shared=[1, 4])
+    poses = in_lanes(composed(kind.turns), shared=[1])
+    known = in_lanes(of_one(kind), shared=[1, 4])
     driver = Path(__file__).with_name("beam.c").read_text(encoding="utf-8")
     return "".join([vectors(), defined, poses, known, driver])
 
@@ -61,16 +61,17 @@ class Compiled(threading.local):
     `formulations.beam_search.interpreted.Interpreted` has the same methods.
     """
 
-    def __init__(self, library: Any, auvs: int, turns: int, stages: int, width: int) -> None:
-        self._library, self._turns = library, turns
+    def __init__(self, library: Any, kind: Kind, stages: int, width: int) -> None:
+        self._library, self._turns = library, kind.turns
+        turns, packed = kind.turns, kind.auvs * kind.half
         self._stages, self._width = stages, width
         blocks = -(-width // LANES)
         branches = blocks * LANES * turns
-        self._beam = _aligned(blocks, 3 + auvs * HALF + 1, LANES)
+        self._beam = _aligned(blocks, 3 + packed + 1, LANES)
         self._cost = np.empty(branches)
         self._kept = np.empty((stages, width), dtype=np.int64)
         self._other = [
-            _aligned(blocks, 3 * turns + auvs * HALF, LANES),
+            _aligned(blocks, 3 * turns + packed, LANES),
             np.empty(branches, dtype=np.int64),
             np.empty(branches, dtype=np.int64),
         ]

@@ -6,10 +6,11 @@ import numpy as np
 from jaxtyping import Float
 
 from ..model.arcs import arcs
-from ..model.covariance import Ranging, Tracks, motions, pack_array
+from ..model.covariance import Tracks, motions, pack_array
+from ..model.ranging import Ranging
 from ..model.schedule import Stages
 from ..solution import Solution, Status
-from .branching import AUV, CRITERIA, branching, told_sizes
+from .branching import AT_RANGES, AUV, CRITERIA, Kind, branching, told_sizes
 from .compiled import Compiled, machine_code
 from .interpreted import Interpreted
 from .limits import Limits
@@ -27,10 +28,10 @@ def turn_candidates(max_turn_rate: float, count: int) -> Float[np.ndarray, " K"]
 
 def search_manoeuvres(
     pose: Float[np.ndarray, "3"],
-    covariance: Float[np.ndarray, "M 4 4"],
+    covariance: Float[np.ndarray, "M n n"],
     *,
     tracks: Tracks,
-    process_noise: Float[np.ndarray, "M 4"],
+    process_noise: Float[np.ndarray, "M n"],
     weights: Float[np.ndarray, " M"],
     stages: Stages,
     turn_rates: Float[np.ndarray, " K"],
@@ -41,6 +42,7 @@ def search_manoeuvres(
     violation: Violation | None = None,
     first_violation: Float[np.ndarray, " K"] | None = None,
     limits: Limits | None = None,
+    known: Float[np.ndarray, "S M 2 2"] | None = None,
 ) -> Solution:
     """Find the turns, one a stage, after which the AUVs' position covariances are smallest.
 
@@ -50,6 +52,7 @@ def search_manoeuvres(
         Of the aid vehicle: east, north [m], heading [rad].
     covariance, process_noise
         Of each AUV's state now; standard deviations of its random walk per square root of a second.
+        A fifth state is the depth [m], and then part of the position.
     tracks, weights
         Where the AUVs are expected, and what each counts.
     stages, turn_rates, speed, ranging
@@ -69,6 +72,9 @@ def search_manoeuvres(
     limits
         What ``violation`` says as numbers, where there are any: asked instead of it where there is
         a compiler.
+    known
+        Information [1/m^2] on each AUV's position at the end of each stage that does not come from
+        this vehicle: ranges to others.
 
     Returns
     -------
@@ -84,14 +90,17 @@ def search_manoeuvres(
         A criterion that is not known; numbers of AUVs or stages that are not the same everywhere.
     """
     S, M, K = len(stages.duration), len(weights), len(turn_rates)
-    if covariance.shape != (M, 4, 4) or tracks.position.shape != (S, M, 2):
+    n = covariance.shape[-1]
+    wrong = n not in (4, 5) or process_noise.shape != (M, n)
+    if wrong or covariance.shape != (M, n, n) or tracks.position.shape != (S, M, 2):
         raise ValueError(  # machine code would read beyond an array's end
             f"give covariances and tracks of {M} AUVs, as there are weights, over {S} stages, "
             f"got {covariance.shape} and {tracks.position.shape}"
         )
     width = min(beam_width, K**S)
-    sequences = beam_of(M, K, ranging.squared, criterion, S, width)
-    told = _told(tracks, process_noise, weights, stages, turn_rates, speed, ranging)
+    kind = Kind(M, K, ranging.form, criterion, n, aided=known is not None)
+    sequences = beam_of(kind, S, width)
+    told = _told(tracks, process_noise, weights, stages, turn_rates, speed, ranging, known)
     sequences.begin(pose, pack_array(covariance))
     first = worst = 0.0
     if violation is None and first_violation is None:
@@ -127,53 +136,63 @@ def _status(cost: float, first_violation: float) -> Status:
 
 
 @lru_cache(maxsize=16)
-def beam_of(
-    auvs: int, turns: int, squared: bool, criterion: str, stages: int, width: int
-) -> Compiled | Interpreted:
+def beam_of(kind: Kind, stages: int, width: int) -> Compiled | Interpreted:
     """What a search works with, as machine code where there is a compiler.
 
     Raises ValueError for a criterion that is not known.
     """
-    if criterion not in CRITERIA:
-        raise ValueError(f'criterion must be one of {", ".join(CRITERIA)}, got "{criterion}"')
-    library = machine_code(auvs, turns, squared, criterion)
+    if kind.criterion not in CRITERIA:
+        raise ValueError(f'criterion must be one of {", ".join(CRITERIA)}, got "{kind.criterion}"')
+    library = machine_code(kind)
     if library is None:
-        return Interpreted(branching(auvs, turns, squared, criterion), turns, width)
-    return Compiled(library, auvs, turns, stages, width)
+        return Interpreted(branching(kind), kind.turns, width)
+    return Compiled(library, kind, stages, width)
 
 
 def _told(
     tracks: Tracks,
-    process_noise: Float[np.ndarray, "M 4"],
+    process_noise: Float[np.ndarray, "M n"],
     weights: Float[np.ndarray, " M"],
     stages: Stages,
     turn_rates: Float[np.ndarray, " K"],
     speed: float,
     ranging: Ranging,
-) -> Float[np.ndarray, "S n"]:
+    known: Float[np.ndarray, "S M 2 2"] | None = None,
+) -> Float[np.ndarray, "S told"]:
     """What a branching is told at each stage; see `branching`."""
     S, M = tracks.heading.shape
     of_auvs, of_stage, of_moves = told_sizes(M, len(turn_rates))
-    told = np.empty((S, of_auvs + of_stage + of_moves))
+    told = np.zeros((S, of_auvs + of_stage + of_moves))
     auv = told[:, :of_auvs].reshape(S, M, len(AUV))
     stage = told[:, of_auvs : of_auvs + of_stage]
     moves = told[:, of_auvs + of_stage :]
-    auv[0, :, :2] = 0.0  # no ranges before the first stage
-    auv[1:, :, :2] = tracks.position[:-1]
-    auv[..., 2:4] = tracks.position
-    auv[..., 4:7] = motions(tracks.heading, tracks.speed)
-    auv[..., 7:11] = process_noise
-    auv[..., 11] = weights / weights.sum()
+    at = len(AT_RANGES)
+    there = auv[..., at : 2 * at]
+    there[..., :2] = tracks.position
+    there[..., 2] = tracks.height
+    there[..., 3] = stages.pings_of(M)
+    if known is not None:
+        there[..., 4:] = roots(known)
+    auv[1:, :, :at] = there[:-1]  # no ranges before the first stage
+    auv[..., 2 * at : 2 * at + 3] = motions(tracks.heading, tracks.speed)
+    auv[..., 2 * at + 3 : 2 * at + 3 + process_noise.shape[1]] = process_noise
+    auv[..., -1] = weights / weights.sum()
     stage[:, 0] = stages.duration
     stage[:, 1] = stages.duration / stages.duration.sum()
-    stage[0, 2] = 0.0
-    stage[1:, 2] = stages.pings[:-1]
-    stage[:, 3] = stages.pings
-    stage[:, 4] = ranging.sigma
+    stage[:, 2:] = ranging.numbers
     rates = tuple(turn_rates.tolist())
     for s, duration in enumerate(stages.duration.tolist()):
         moves[s] = _moves_of(rates, duration, speed)
     return told
+
+
+def roots(information: Float[np.ndarray, "*batch 2 2"]) -> Float[np.ndarray, "*batch 3"]:
+    """Lower triangular roots by columns of information matrices [1/m^2], which may be singular."""
+    east, both, north = information[..., 0, 0], information[..., 0, 1], information[..., 1, 1]
+    first = np.sqrt(east)
+    below = np.divide(both, first, out=np.zeros_like(both), where=first > 0)
+    last = np.sqrt(np.maximum(north - below**2, 0.0))
+    return np.stack([first, below, last], axis=-1)
 
 
 @lru_cache(maxsize=256)

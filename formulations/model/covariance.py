@@ -18,28 +18,30 @@ The second term is the mean square of the range's second-order error, which the 
 which repeated ranges share; it keeps the aid vehicle away from an AUV that is closer than it is
 sure of. (Jazwinski 1970, section 9.3: second-order filters.) A squared range's is
 :math:`(\operatorname{tr} P)^2 + 2 \operatorname{tr} P^2`, that of the squared length of a Gaussian
-vector.
+vector. σ may grow with distance, ranges may be lost (`formulations.model.ranging`).
+
+A slant range over a height h, r² = d² + h², tells of the position along ρ/r, ρ = (x, h) with the
+depth's place among the states where it is one, and x/r where the depth is known. With the Hessian
+:math:`B = (1 - \rho \rho^\top / r^2) / r` the second term is
+:math:`\tfrac{1}{4} ((\operatorname{tr} BP)^2 + 2 \operatorname{tr} (BP)^2)`.
 """
 
 import math
 from functools import cache, lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 from jaxtyping import Float, Int
 
 from .casadi import SX, of_each, symbol
+from .ranging import NUMBERS, Form, Law, Ranging, expected_ranges, law, variance
 
 # Unit of length; nearer ranges count as from there: from on top of an AUV they tell nothing.
 NEAREST = 1e-6
 
 
-class Ranging(NamedTuple):
-    """How ranges err."""
-
-    sigma: float  # [m], of a squared range [m^2]
-    squared: bool = False
+DEPTH = 4  # index in the state, where the depth is one
 
 
 class Tracks(NamedTuple):
@@ -48,6 +50,8 @@ class Tracks(NamedTuple):
     position: Float[np.ndarray, "S M 2"]  # [m]
     heading: Float[np.ndarray, "S M"]  # [rad]
     speed: Float[np.ndarray, "S M"]  # through the water [m/s]
+    # from each AUV's transducer up to the aid vehicle's [m]; counts where ranges are slant
+    height: Float[np.ndarray, "S M"] | float = 0.0
 
 
 def symmetric(P: SX) -> SX:
@@ -113,72 +117,101 @@ def predict(P: SX, motion: SX, noise: SX, duration: SX) -> SX:
     """Covariance after a stage without ranges.
 
     ``motion``: cosine and sine of the heading, speed; ``noise``: standard deviations per square
-    root of a second, the heading's without effect.
+    root of a second, the heading's without effect. A fifth state is the depth.
     """
     cos, sin, speed = ca.vertsplit(motion)
-    A = ca.SX(4, 4)
+    n = P.shape[0]
+    A = ca.SX(n, n)
     A[0, 2] = -speed * sin
     A[1, 2] = speed * cos
     A[0, 3] = cos
     A[1, 3] = sin
-    Q = ca.diag(ca.vertcat(noise[0] ** 2, noise[1] ** 2, 0, noise[3] ** 2))
+    walks = noise**2
+    walks[2] = 0
+    Q = ca.diag(walks)
     h = duration
     first_order = A @ Q + Q @ A.T
     second_order = A @ Q @ A.T
     grown = Q * h + first_order * (h**2 / 2) + second_order * (h**3 / 3)
-    return propagate(P, ca.SX.eye(4) + A * h, grown)
+    return propagate(P, ca.SX.eye(n) + A * h, grown)
 
 
-def deviation(sigma: Any, x: Any) -> Any:  # noqa: ARG001 - the one place that would depend on it
-    """Standard deviation of a range, or squared range, from relative positions x.
-
-    ``sigma`` is what the sensor says, x (..., coordinates) where the ranging vehicle is, less where
-    the other is: expressions, numbers or arrays. It is the same from everywhere.
-    """
-    return sigma
-
-
-def condition_on_range(P: SX, x: SX, *, sigma: SX, pings: SX, squared: bool) -> SX:
+def condition_on_range(P: SX, x: SX, *, law: Law, pings: SX, height: SX | float = 0.0) -> SX:
     """Covariance after a number of ranges, or none, from the relative position x; see the module.
 
     P may hold the whole state or, for what becomes of the position alone, its first two components.
-    `deviation` makes a standard deviation of ``sigma``.
+    ``height`` is that of the other vehicle's transducer above the AUV's; P with a depth is 5 x 5,
+    or 3 x 3 (east, north, depth).
     """
+    if law.form.slant:
+        return _condition_on_slant_range(P, x, law, pings, height)
     d2 = ca.fmax(ca.sumsqr(x), NEAREST**2)
     over = 1 / d2
     Px = P[:, :2] @ x
     along = ca.dot(x, Px[:2]) * over
     trace = P[0, 0] + P[1, 1]
-    variance = deviation(sigma, x) ** 2
-    if squared:
+    error = variance(law, d2)
+    if law.form.squared:
         second = 0.25 * over * (trace**2 + 2 * ca.sumsqr(P[:2, :2]))
-        variance *= 0.25 * over
+        error *= 0.25 * over
     else:
         across = trace - along
         second = 0.75 * over * across**2
-    gain = pings / ((variance + pings * (second + along)) * d2)
+    some, count = expected_ranges(law, d2, pings)
+    gain = count / ((error + count * (second + along)) * d2)
+    gain = some * gain if law.form.lossy else gain
     return P - gain * Px @ Px.T
 
 
+def _condition_on_slant_range(P: SX, x: SX, law: Law, pings: SX, height: SX | float) -> SX:
+    """The same over a height."""
+    places = [0, 1]
+    rho = x
+    if P.shape[0] in (3, DEPTH + 1):
+        places = [0, 1, P.shape[0] - 1]
+        rho = ca.vertcat(x, height)
+    r2 = ca.fmax(ca.sumsqr(x) + height**2, NEAREST**2)
+    Prho = P[:, places] @ rho
+    along = ca.dot(rho, Prho[places]) / r2
+    bent = (ca.SX.eye(len(places)) - rho @ rho.T / r2) @ P[places, places]
+    second = 0.25 * (ca.trace(bent) ** 2 + 2 * ca.trace(bent @ bent)) / r2
+    some, count = expected_ranges(law, r2, pings)
+    gain = count / ((variance(law, r2) + count * (second + along)) * r2)
+    return P - some * gain * Prho @ Prho.T
+
+
+def informed(P: SX, root: SX) -> SX:
+    """Covariance once more is known of the position: the information L Lᵀ [1/m^2].
+
+    ``root`` holds L's lower triangle by columns.
+    """
+    for column in (ca.vertcat(root[0], root[1]), ca.vertcat(0, root[2])):
+        Pc = P[:, :2] @ column
+        P = P - Pc @ Pc.T / (1 + ca.dot(column, Pc[:2]))
+    return P
+
+
 def predicted(
-    P: Float[np.ndarray, "*#batch 4 4"],
+    P: Float[np.ndarray, "*#batch n n"],
     motion: Float[np.ndarray, "*#batch 3"],
-    noise: Float[np.ndarray, "*#batch 4"],
+    noise: Float[np.ndarray, "*#batch n"],
     duration: float,
-) -> Float[np.ndarray, "*batch 4 4"]:
+) -> Float[np.ndarray, "*batch n n"]:
     """`predict` of arrays."""
-    return of_each(_predict(), P, motion, noise, np.asarray(duration))[0]
+    return of_each(_predict(P.shape[-1]), P, motion, noise, np.asarray(duration))[0]
 
 
 def conditioned(
-    P: Float[np.ndarray, "*#batch 4 4"],
+    P: Float[np.ndarray, "*#batch n n"],
     x: Float[np.ndarray, "*#batch 2"],
     ranging: Ranging,
-    pings: float,
-) -> Float[np.ndarray, "*batch 4 4"]:
+    pings: float | Float[np.ndarray, "*#batch"],
+    height: float | Float[np.ndarray, "*#batch"] = 0.0,
+) -> Float[np.ndarray, "*batch n n"]:
     """`condition_on_range` of arrays."""
-    function = _condition_on_range(ranging.squared)
-    return of_each(function, P, x, np.asarray(ranging.sigma), np.asarray(pings))[0]
+    function = _condition_on_range(ranging.form, P.shape[-1])
+    numbers = np.array(ranging.numbers)
+    return of_each(function, P, x, numbers, np.asarray(pings), np.asarray(height))[0]
 
 
 def motions(
@@ -193,15 +226,16 @@ def motions(
 
 
 @cache
-def _predict() -> ca.Function:
-    P, motion = symbol("P", 4, 4), symbol("c", 3)
-    noise, duration = symbol("q", 4), symbol("h")
+def _predict(n: int) -> ca.Function:
+    P, motion = symbol("P", n, n), symbol("c", 3)
+    noise, duration = symbol("q", n), symbol("h")
     after = predict(P, motion, noise, duration)
     return ca.Function("predict", [P, motion, noise, duration], [after])
 
 
 @cache
-def _condition_on_range(squared: bool) -> ca.Function:
-    P, x, sigma, pings = symbol("P", 4, 4), symbol("x", 2), symbol("sigma"), symbol("pings")
-    after = condition_on_range(P, x, sigma=sigma, pings=pings, squared=squared)
-    return ca.Function("condition", [P, x, sigma, pings], [after])
+def _condition_on_range(form: Form, n: int) -> ca.Function:
+    P, x, numbers = symbol("P", n, n), symbol("x", 2), symbol("law", NUMBERS)
+    pings, height = symbol("pings"), symbol("height")
+    after = condition_on_range(P, x, law=law(form, numbers), pings=pings, height=height)
+    return ca.Function("condition", [P, x, numbers, pings, height], [after])

@@ -3,6 +3,7 @@
 Times that are multiples of an interval but for rounding are multiples.
 """
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -16,7 +17,75 @@ class Stages(NamedTuple):
     """The horizon cut into stages, ranges coming at the end of each."""
 
     duration: Float[np.ndarray, " S"]  # [s]
-    pings: Float[np.ndarray, " S"]  # number of ranges to each AUV
+    pings: (
+        Float[np.ndarray, " S"] | Float[np.ndarray, "S M"]
+    )  # ranges to all AUVs alike, or to each
+
+    def pings_of(self, auvs: int) -> Float[np.ndarray, "S {auvs}"]:
+        """Number of ranges to each AUV."""
+        pings = self.pings[:, None] if self.pings.ndim == 1 else self.pings
+        return np.broadcast_to(pings, (len(self.duration), auvs))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Schedule:
+    """When one vehicle ranges to the AUVs, as it is planned: rounds, each AUV in its slot.
+
+    Round k = 1, 2, ... begins at k intervals; an AUV's range comes ``offset`` after that.
+    """
+
+    interval: float = 15.0  # between rounds [s]
+    offsets: tuple[float, ...] = ()  # of each AUV [s]; none: all at once as the round begins
+    silent: tuple[tuple[float, float], ...] = ()  # from when to when there are no ranges [s]
+
+    @property
+    def plain(self) -> bool:
+        """Whether every AUV has a range as each round begins."""
+        return not any(self.offsets) and not self.silent
+
+    def times(self, auv: int, begin: float, end: float) -> Float[np.ndarray, " pings"]:
+        """When an AUV's ranges come, later than ``begin`` and not later than ``end`` [s]."""
+        offset = self.offsets[auv] if self.offsets else 0.0
+        first = max(1, int(intervals(begin - offset, self.interval)) + 1)
+        last = int(intervals(end - offset, self.interval))
+        times = np.arange(first, last + 1) * self.interval + offset
+        quiet = np.zeros(times.size, dtype=bool)
+        for start, stop in self.silent:
+            quiet |= (times >= start) & (times <= stop)
+        return times[~quiet]
+
+    def stages(self, time: float, horizon: float, count: int, auvs: int) -> Stages:
+        """Cut a horizon [s] from a time [s] on into stages that end at ranges.
+
+        Ranges that are farther apart than horizon / count end a stage each; closer ones are counted
+        together.
+        """
+        if self.plain:
+            return ping_stages(time, self.interval, horizon, count)
+        length = horizon / count
+        if self.interval <= length and not self.silent:
+            return Stages(np.full(count, length), np.full(count, length / self.interval))
+        return self._cut(time, length, count, auvs)
+
+    def _cut(self, time: float, length: float, count: int, auvs: int) -> Stages:
+        """Stages that end at the last range within a length, or else at the next one."""
+        quiet = sum(stop - start for start, stop in self.silent)
+        end = time + 2 * count * (length + self.interval) + quiet
+        of_each = [self.times(auv, time, end) for auv in range(auvs)]
+        ranges = np.unique(np.concatenate(of_each))
+        ends = [time]
+        while len(ends) <= count:
+            later = ranges[ranges > ends[-1] + ROUNDING * self.interval]
+            if not later.size:
+                ends.append(ends[-1] + length)
+                continue
+            near = later[later <= ends[-1] + length]
+            ends.append(float(near[-1] if near.size else later[0]))
+        pings = np.zeros((count, auvs))
+        for auv, times in enumerate(of_each):
+            stage = np.searchsorted(np.array(ends[1:]), times - ROUNDING * self.interval)
+            np.add.at(pings[:, auv], stage[stage < count], 1.0)
+        return Stages(np.diff(ends), pings)
 
 
 def time_to_next(time: Any, interval: float) -> Any:

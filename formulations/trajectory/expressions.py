@@ -22,6 +22,7 @@ from ..model.arcs import arc
 from ..model.casadi import SX, symbol
 from ..model.covariance import condition_on_range, pack, predict, unpack
 from ..model.quadrature import MIDDLE
+from ..model.ranging import Form, Law
 
 EIGENVALUE_GAP = 1e-3  # relative; rounds off the smallest eigenvalue where both are equal
 PACKED = 10  # entries of a packed covariance
@@ -176,7 +177,7 @@ def _covariances(z: SX, end: SX, s: dict[str, SX], g: dict[str, SX], shape: Shap
         P = predict(unpack(packed), s["motion"][:, i], g["noise"][:, i], s["duration"])
         x = end[:2] - s["there"][:, i]
         known = condition_on_range(
-            g["unit"] * P, x, sigma=g["sigma"], pings=s["pings"], squared=shape.squared
+            g["unit"] * P, x, law=Law(Form(shape.squared), g["sigma"]), pings=s["pings"]
         )
         after.append(pack(known) / g["unit"])
     return ca.vertcat(*after)

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..model.covariance import Ranging
 from ..model.frames import Frame
+from ..model.ranging import Ranging
 from .areas import Areas, in_frame
 
 OBJECTIVES = ("covariance", "log-det", "smallest-eigenvalue", "condition-number")

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from ..model.casadi import SX, symbol
 from ..model.covariance import condition_on_range, pack, pack_array, propagate, symmetric, unpack
+from ..model.ranging import Form, Law
 from ..model.recursion import Recursion
 from .problem import HEADING, Maps, Problem
 
@@ -125,7 +126,8 @@ def stage_function(squared: bool) -> ca.Function:
     end = advanced(middle, second)
     variances = [covariance[0, 0] + covariance[1, 1] for covariance in (begin, middle, end)]
     counted = weight * ca.dot(share, ca.vertcat(*variances))
-    ranged = condition_on_range(end, x - position, sigma=sigma, pings=pings, squared=squared)
+    law = Law(Form(squared), sigma)
+    ranged = condition_on_range(end, x - position, law=law, pings=pings)
     return ca.Function("stage", [P, x, told], [pack(ranged), counted])
 
 

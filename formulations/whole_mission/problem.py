@@ -24,8 +24,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Integer
 
-from ..model.covariance import Ranging
 from ..model.quadrature import simpson
+from ..model.ranging import Ranging
 
 HEADING = 2  # index in the state
 MOST_STAGES = 400  # steps of the covariance recursion; more ranges than that are taken together

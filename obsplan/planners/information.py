@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from formulations.beam_search import search_manoeuvres, turn_candidates
 from formulations.model.covariance import Tracks
-from formulations.model.schedule import Stages, ping_stages
+from formulations.model.schedule import Stages
 from formulations.solution import Status
 from obsplan.constraints import Constraints
 from obsplan.planning.checks import check_choices, check_situation
@@ -89,7 +89,8 @@ class InformationHorizon:
         covariance = np.array([auv.covariance for auv in auvs])
         if not np.isfinite(covariance).all():
             return straight_on(cna, pose, Status.INVALID_INPUT, len(auvs))
-        stages = ping_stages(time, self.situation.ping_interval, self.horizon, self.stages)
+        schedule = self.situation.schedule
+        stages = schedule.stages(time, self.horizon, self.stages, len(auvs))
         state = np.array([pose.x, pose.y, pose.heading])
         turn_rates = self._candidates
         noises = [auv.process_noise for auv in auvs]
@@ -97,7 +98,7 @@ class InformationHorizon:
         best = search_manoeuvres(
             state,
             covariance,
-            tracks=predicted_tracks(auvs, stages),
+            tracks=predicted_tracks(auvs, stages, self.situation.transducer_depth),
             process_noise=np.array(noises)[:, [0, 0, 1, 2]],
             weights=np.array([auv.weight for auv in auvs], dtype=float),
             stages=stages,
@@ -126,7 +127,9 @@ class InformationHorizon:
         )
 
 
-def predicted_tracks(auvs: Sequence[Belief], stages: Stages) -> Tracks:
+def predicted_tracks(
+    auvs: Sequence[Belief], stages: Stages, transducer_depth: float = 0.0
+) -> Tracks:
     """Where the AUVs are expected at the end of each stage, and how they move during it.
 
     The motion is their mean velocity through the water.
@@ -140,4 +143,5 @@ def predicted_tracks(auvs: Sequence[Belief], stages: Stages) -> Tracks:
         position[1:],
         np.arctan2(water[..., 1], water[..., 0]),
         np.hypot(water[..., 0], water[..., 1]),
+        np.tile([auv.depth - transducer_depth for auv in auvs], (len(moved), 1)),
     )

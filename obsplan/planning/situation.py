@@ -5,7 +5,8 @@ from dataclasses import KW_ONLY, dataclass, fields
 from functools import cached_property
 
 from formulations.beam_search.limits import Areas
-from formulations.model.covariance import Ranging
+from formulations.model.ranging import Ranging
+from formulations.model.schedule import Schedule
 from obsplan.constraints import UNLIMITED, Constraints, Disc
 from obsplan.planning.checks import check_positive
 from obsplan.planning.filed import Filed
@@ -31,6 +32,9 @@ class Situation:
     _: KW_ONLY
     ranging: Ranging = METRE
     ping_interval: float = 15.0  # [s] between ranges to each AUV, counted from time 0
+    slots: tuple[float, ...] = ()  # [s] after each interval's beginning, of each AUV; none: 0
+    silent: tuple[tuple[float, float], ...] = ()  # from when to when [s] there are no ranges
+    transducer_depth: float = 0.0  # of the aid vehicle [m]
     heading_sigma: float = math.radians(1.0)  # of a measured heading [rad]
     decision_interval: float = 1.0  # [s] between decisions
     constraints: Constraints = UNLIMITED
@@ -44,6 +48,11 @@ class Situation:
             raise ValueError(
                 f"sigma must be positive and finite [{unit}], got {self.ranging.sigma}"
             )
+
+    @cached_property
+    def schedule(self) -> Schedule:
+        """When ranges are expected."""
+        return Schedule(interval=self.ping_interval, offsets=self.slots, silent=self.silent)
 
     @cached_property
     def areas(self) -> Areas:

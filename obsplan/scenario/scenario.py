@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Integer
 from pydantic import ValidationError
 
-from formulations.model.covariance import Ranging
+from formulations.model.ranging import Ranging
 from obsplan.constraints import Constraints, Disc
 from obsplan.missions import Mission, read_mission, to_local
 from obsplan.planners import DEFAULT_PLANNER, planner_class

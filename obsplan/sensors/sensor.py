@@ -4,23 +4,35 @@ from typing import ClassVar, Protocol, runtime_checkable
 
 import casadi as ca
 
+# What a sensor is told of the vehicle that it ranges to, and of the water: position [m], heading
+# [rad], velocity over ground [m/s], turn rate [rad/s], depths of both transducers [m], and the
+# current at the AUV [m/s].
+BEACON = (
+    *("east", "north", "heading"),
+    *("east_velocity", "north_velocity", "turn_rate"),
+    *("depth", "auv_depth"),
+    *("east_current", "north_current"),
+)
+
 
 @runtime_checkable
 class Sensor(Protocol):
     """A scalar measurement with Gaussian error.
 
-    It is a dataclass whose fields are keys of ``[ranging]``.
+    It is a dataclass whose fields are keys of ``[ranging]``. One that has a property ``ranging``, a
+    `formulations.model.ranging.Ranging`, says by it what planners count on; for others they count
+    on ``sigma`` everywhere.
     """
 
     periodic: ClassVar[bool]  # whether the measurement is an angle [rad]
 
     @property
     def sigma(self) -> float:
-        """Standard deviation that planners count on everywhere, in the unit of the measurement."""
+        """Standard deviation that planners count on, in the unit of the measurement."""
         ...
 
     def measure(self, x: ca.SX, beacon: ca.SX) -> ca.SX:
-        """Measurement of state x (`STATES`, ...), the beacon at (east, north, heading)."""
+        """Measurement of state x (`STATES`, ...); of the other vehicle `BEACON` is given."""
         ...
 
     def deviation(self, x: ca.SX, beacon: ca.SX) -> ca.SX | float:

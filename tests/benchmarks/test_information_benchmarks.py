@@ -89,9 +89,9 @@ def ranged(P, x, sigma, pings):
     return P - (Pu / (R + along)[..., None])[..., :, None] * Pu[..., None, :]
 
 
-def selected_in_numpy(auvs, turns, squared, criterion, _stages, width):
+def selected_in_numpy(kind, _stages, width):
     """Branchings as machine code, one sequence after the other; the rest on arrays."""
-    return Interpreted(branching(auvs, turns, squared, criterion), turns, width)
+    return Interpreted(branching(kind), kind.turns, width)
 
 
 @pytest.fixture
