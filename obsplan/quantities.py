@@ -105,6 +105,7 @@ TURN_ACCELERATION = Quantity(1e-6, 100.0, "rad/s^2", "no vessel turns harder")
 TIME_STEP = Quantity(1e-3, 60.0, "s", "a millisecond to a minute, in which a vehicle turns")
 DURATION = Quantity(1e-3, 2_678_400.0, "s", "up to a month")
 INTERVAL = Quantity(1e-3, 86_400.0, "s", "a millisecond to a day")
+INSTANT = Quantity(0.0, 2_678_400.0, "s", "up to a month")
 HOLD = Quantity(0.0, 86_400.0, "s", "who waits for more than a day is moored")
 
 # errors, as standard deviations
@@ -128,6 +129,7 @@ TIME_SIGMA = Quantity(0.0, 10.0, "s", "15 km by the speed of sound")
 CLOCK_OFFSET = Quantity(-10.0, 10.0, "s", "15 km by the speed of sound")
 CLOCK_DRIFT = Quantity(-1e-3, 1e-3, "s/s", "a quartz without any care does better")
 SHARE = Quantity(0.0, 1.0, "", "a probability")
+CARRIER = Quantity(0, 63, "", "aid vehicles are counted from 0")
 SLOT = Quantity(0.0, 3600.0, "s", "no acoustic network waits for an hour")
 
 # weights without a unit

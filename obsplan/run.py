@@ -3,10 +3,10 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Integer
+from jaxtyping import Bool, Float, Integer
 
 from formulations.certified_bound import InformationBound
 from formulations.consistency import effective_samples
@@ -22,7 +22,7 @@ from obsplan.estimators.jacobian import informations, predictions, transitions
 from obsplan.kept_bounds import KEPT
 from obsplan.scenario import Scenario
 from obsplan.scenario.states import first_covariance, noise
-from obsplan.sensors import Range, SquaredRange
+from obsplan.sensors import BEACON, Range, SquaredRange
 from obsplan.types import ObsplanError
 
 if TYPE_CHECKING:
@@ -39,6 +39,16 @@ class Timing:
 
     seconds: float  # of the whole mission [s]
     decision_seconds: list[float]  # of each decision that was not folded into the step [s]
+
+
+class AidTrack(NamedTuple):
+    """What one aid vehicle did; as in `Run`."""
+
+    pose: Float[np.ndarray, "samples 3"]
+    turn_rate: Float[np.ndarray, " samples"]  # [rad/s]
+    speed: Float[np.ndarray, " samples"]  # [m/s]
+    score: Float[np.ndarray, " samples"]
+    status: Float[np.ndarray, " samples"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,11 +72,14 @@ class Run:
     truth: Float[np.ndarray, "auvs samples n"]
     mean: Float[np.ndarray, "auvs samples m"]
     covariance: Float[np.ndarray, "auvs samples m m"]
-    range: Float[np.ndarray, "auvs samples"]  # as measured [m or m^2]; nan without a ping
+    # as measured [m or m^2]; nan where none came
+    ranges: Float[np.ndarray, "beacons auvs samples"]
+    bearings: Float[np.ndarray, "beacons_or_none auvs samples"]  # that came with them [rad]
     condition: Float[np.ndarray, "auvs samples"]  # predicted condition number at each decision
     score: Float[np.ndarray, " samples"]  # the planner's own objective
     status: Float[np.ndarray, " samples"]  # code of a Status; nan without a decision
     timing: Timing = field(repr=False)
+    others: tuple[AidTrack, ...] = ()  # aid vehicles besides the first, which ``cna`` is of
     # by status, what was wrong with the planner's first answer of that kind, and when
     faults: Mapping[str, str] = field(default_factory=dict)
     bounded: bool = True  # whether the certified bound is asked for, where figures are
@@ -93,6 +106,32 @@ class Run:
     def names(self) -> list[str]:
         """Names of the AUVs."""
         return [auv.name for auv in self.scenario.table.auv]
+
+    @property
+    def range(self) -> Float[np.ndarray, "auvs samples"]:
+        """Ranges to the first beacon as measured [m or m^2]; nan where none came."""
+        return self.ranges[0]
+
+    @property
+    def aids(self) -> tuple[AidTrack, ...]:
+        """All aid vehicles."""
+        first = AidTrack(self.cna, self.turn_rate, self.speed, self.score, self.status)
+        return first, *self.others
+
+    @cached_property
+    def beacon_places(self) -> Float[np.ndarray, "beacons samples 2"]:
+        """Where each of the scenario's beacons is, east and north [m]."""
+        found = []
+        for beacon in self.scenario.beacons:
+            if beacon.carrier is None:
+                found.append(np.broadcast_to(beacon.place, (self.time.size, 2)))
+                continue
+            east, north, heading = self.aids[beacon.carrier].pose.T
+            ahead, left = beacon.place
+            cos, sin = np.cos(heading), np.sin(heading)
+            x, y = east + ahead * cos - left * sin, north + ahead * sin + left * cos
+            found.append(np.column_stack([x, y]))
+        return np.stack(found)
 
     @cached_property
     def error(self) -> Float[np.ndarray, "auvs samples"]:
@@ -164,66 +203,95 @@ class Run:
         return worst
 
     @cached_property
+    def came(self) -> Bool[np.ndarray, "beacons auvs samples"]:
+        """Which ranges came."""
+        return np.isfinite(self.ranges)
+
+    @cached_property
     def cramer_rao(self) -> Float[np.ndarray, "auvs samples n n"]:
         """Posterior Cramér-Rao bound of the true states along the true path.
 
-        It begins with their first covariance and counts the process noise that the filter assumes.
-        A filter that has to find out more than these states cannot reach it.
+        It begins with their first covariance and counts the process noise that the filter assumes,
+        and the ranges that came. A filter that has to find out more than these states cannot reach
+        it.
         """
-        return np.stack(list(self._posterior(self._range_information(self.scenario.pings))))
+        return np.stack([*self._posterior()])
 
     @cached_property
     def cramer_rao_variance(self) -> Float[np.ndarray, "auvs samples"]:
         """Mean square position error by the `cramer_rao` bound [m^2]; a smaller array than that."""
-        return self._position_variance(self._range_information(self.scenario.pings))
+        return np.stack([P[:, 0, 0] + P[:, 1, 1] for P in self._posterior()])
 
     @cached_property
     def unaided_variance(self) -> Float[np.ndarray, "auvs samples"]:
         """`cramer_rao_variance` as it would be without a single range: that of dead reckoning."""
-        n, pings = self.truth.shape[-1], self.scenario.pings.size
-        return self._position_variance(np.zeros((len(self.names), pings, n, n)))
+        return np.stack([P[:, 0, 0] + P[:, 1, 1] for P in self._posterior(aided=False)])
 
-    def _position_variance(
-        self, of_ranges: Float[np.ndarray, "auvs pings n n"]
-    ) -> Float[np.ndarray, "auvs samples"]:
-        """Mean square position error of each AUV by the bound of `_posterior` [m^2]."""
-        return np.stack([P[:, 0, 0] + P[:, 1, 1] for P in self._posterior(of_ranges)])
-
-    def _posterior(
-        self, of_ranges: Float[np.ndarray, "auvs pings n n"]
-    ) -> Iterator[Float[np.ndarray, "samples n n"]]:
-        """Posterior Cramér-Rao bound of each AUV, compass and ranges at the pings counted."""
-        pings, of_compass = self.scenario.pings, self._compass_information()
+    def _posterior(self, *, aided: bool = True) -> Iterator[Float[np.ndarray, "samples n n"]]:
+        """Posterior Cramér-Rao bound of each AUV, of compass and, if aided, ranges."""
+        of_compass = self._compass_information()
         for i, (P0, Q) in enumerate(zip(*self._covariances, strict=True)):
             J = of_compass.copy()
-            J[pings - 1] += of_ranges[i]
+            if aided:
+                for b in range(len(self.ranges)):
+                    pings = np.flatnonzero(self.came[b, i])
+                    J[pings - 1] += self._information(b, i, pings)
             yield posterior_cramer_rao(P0, self._transitions(i), Q, J)
 
-    def _range_information(self, pings: Integer[np.ndarray, " pings"]) -> np.ndarray:
-        """What the range at each ping tells of the true state (auvs x pings x n x n)."""
-        sensor, truth, cna = self.scenario.range_sensor, self.truth[:, pings], self.cna[pings]
+    def _information(
+        self, b: int, i: int, pings: Integer[np.ndarray, " pings"]
+    ) -> Float[np.ndarray, "pings n n"]:
+        """What an AUV's ranges to a beacon tell of its true state, and bearings with them."""
+        sensor, truth = self.scenario.range_sensor, self.truth[i, pings]
         gain = GAINS.get(type(sensor))
+        if isinstance(sensor, Range) and not sensor.is_plain:
+            gain = None
+        beacon = self._beacon(b, i, pings)
         if gain is None:
-            return informations(sensor, truth, cna)
-        J = np.zeros((*truth.shape, truth.shape[-1]))
-        J[..., :2, :2] = gain(cna[:, :2], truth[..., :2], sensor.sigma)
-        return J
+            J = informations(sensor, truth, beacon)
+        else:
+            J = np.zeros((*truth.shape, truth.shape[-1]))
+            J[..., :2, :2] = gain(beacon[:, :2], truth[:, :2], sensor.sigma)
+        bearing = self.scenario.bearing_sensor
+        return J if bearing is None else J + informations(bearing, truth, beacon)
+
+    def _beacon(
+        self, b: int, i: int, samples: Integer[np.ndarray, " some"]
+    ) -> Float[np.ndarray, "some 10"]:
+        """A beacon as an AUV's sensor sees it at samples (`obsplan.sensors.BEACON`)."""
+        beacon, some = self.scenario.beacons[b], samples.size
+        found = np.zeros((some, len(BEACON)))
+        found[:, :2] = self.beacon_places[b, samples]
+        if beacon.carrier is not None:
+            aid = self.aids[beacon.carrier]
+            before = samples - 1  # what is held until the sample
+            heading, speed = aid.pose[samples, 2], aid.speed[before]
+            found[:, 2] = heading
+            found[:, 3], found[:, 4] = speed * np.cos(heading), speed * np.sin(heading)
+            found[:, 5] = aid.turn_rate[before]
+        found[:, 6] = beacon.depth
+        found[:, 7] = self.scenario.depths[samples, i]
+        found[:, 8:] = self.scenario.table.environment.current
+        return found
 
     @property
     def unbounded(self) -> str:
         """Why there is no certified bound; empty where there is one."""
         if not self.bounded:
             return "no bound over all paths was asked for"
-        if not self.scenario.pings.size:
+        if not self.came.any():
             return "not one range was measured, and no path is better than another"
-        sensor = type(self.scenario.range_sensor)
-        if sensor in GAINS:
+        sensor = self.scenario.range_sensor
+        known = type(sensor) in GAINS and not (isinstance(sensor, Range) and not sensor.is_plain)
+        if known and len(self.ranges) == 1 and self.scenario.bearing_sensor is None:
             return ""
-        return (
-            "no bound over all paths is known for the ranging "
-            f"{sensor.__module__}:{sensor.__qualname__}; "
-            "there is one for ranges and squared ranges of a constant standard deviation"
-        )
+        if type(sensor) not in GAINS:
+            return (
+                "no bound over all paths is known for the ranging "
+                f"{type(sensor).__module__}:{type(sensor).__qualname__}; "
+                "there is one for ranges and squared ranges of a constant standard deviation"
+            )
+        return "no bound over all paths is known for such ranging"
 
     @cached_property
     def information_bounds(self) -> tuple[InformationBound, ...]:
@@ -261,22 +329,23 @@ class Run:
         return derived["information_bounds"]
 
     def _certified(self, progress: Progress) -> tuple[InformationBound, ...]:
-        auvs = len(self.names)
-        pings, J = self.scenario.pings, self._compass_information()
-        parts = zip(*self._covariances, self._least_sigma(), strict=True)
+        auvs, J = len(self.names), self._compass_information()
         bounds = []
-        for i, (P0, Q, sigma) in enumerate(parts):
+        for i, (P0, Q) in enumerate(zip(*self._covariances, strict=True)):
             tell = partial(_tell, progress, i, auvs)
-            F = self._transitions(i)
+            F, pings = self._transitions(i), np.flatnonzero(self.came[0, i])
+            sigma = self._least_sigma(i, pings)
             bounds.append(KEPT.bound(P0, F, Q, J, pings=pings - 1, sigma=sigma, progress=tell))
         return tuple(bounds)
 
-    def _least_sigma(self) -> Float[np.ndarray, "auvs pings"]:
+    def _least_sigma(
+        self, i: int, pings: Integer[np.ndarray, " pings"]
+    ) -> Float[np.ndarray, " pings"]:
         """Smallest standard deviation [m] of a range that any path reaches at each ping."""
-        pings, sigma = self.scenario.pings, self.scenario.range_sensor.sigma
+        sigma = self.scenario.range_sensor.sigma
         if self.scenario.ranging_kind == "range":
-            return np.full((len(self.names), pings.size), sigma)
-        start = np.hypot(*np.moveaxis(self.truth[:, pings, :2] - self.cna[0, :2], -1, 0))
+            return np.full(pings.size, sigma)
+        start = np.hypot(*np.moveaxis(self.truth[i, pings, :2] - self.cna[0, :2], -1, 0))
         return sigma / (2 * (start + self.scenario.cna.speed * self.time[pings]))
 
     @property

@@ -70,7 +70,7 @@ def test_the_true_state_may_have_more_components_and_the_filter_estimates_them()
     ahead = run.truth[0, :, :2] - run.scenario.motions[0].position  # along the heading
     np.testing.assert_allclose(np.hypot(*ahead.T), 0.2 * run.time, atol=1e-9)
     np.testing.assert_array_equal(run.truth[0, :, 4], 0.2)
-    inputs = [mission_inputs(run.scenario, run.scenario.start, seed) for seed in range(100)]
+    inputs = [mission_inputs(run.scenario, run.scenario.starts, seed) for seed in range(100)]
     first = [carry.mean[0, 4] for carry, _ in inputs]
     assert np.std(first) == pytest.approx(0.1, rel=4 / np.sqrt(2 * 100))  # four standard errors
     assert np.mean(first) == pytest.approx(0.2, abs=4 * 0.1 / np.sqrt(100))
@@ -93,7 +93,7 @@ def test_errors_of_ranges_grow_with_distance_as_the_sensor_says_and_the_filter_k
 @pytest.mark.usefixtures("mine")
 def test_information_of_a_sensor_of_ones_own_is_kays_where_the_deviation_depends_on_the_state():
     sensor = scenario().range_sensor
-    x, beacon = np.array([3.0, 4.0, 0.1, 1.0]), np.zeros(3)
+    x, beacon = np.array([3.0, 4.0, 0.1, 1.0]), np.zeros(10)
     sigma, sight = 0.5 + 0.02 * 5.0, np.array([0.6, 0.8, 0.0, 0.0])
     expected = np.outer(sight, sight) * (1 + 2 * 0.02**2) / sigma**2
     np.testing.assert_allclose(informations(sensor, x, beacon), expected, rtol=1e-12, atol=1e-15)

@@ -11,6 +11,7 @@ from oracles import Silent, Spy, scenario
 import obsplan as op
 from formulations.solution import Status
 from obsplan.simulation import inputs as loop_inputs
+from obsplan.simulation.inputs import Streams
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +51,9 @@ def test_nees_of_a_singular_covariance_is_not_a_number(run):
 
 @pytest.mark.parametrize("kind", ["range", "squared-range"])
 def test_cramer_rao_bound_is_the_covariance_of_a_filter_that_makes_no_error(kind, monkeypatch):
-    monkeypatch.setattr(loop_inputs, "streams", lambda seed: [Silent] * 3)
+    monkeypatch.setattr(
+        loop_inputs, "streams", lambda seed: Streams(*[Silent] * len(Streams._fields))
+    )
     noise = {"position": 0.08, "heading_deg": 1.0, "speed": 0.05}
     run = op.simulate(
         scenario(
@@ -66,7 +69,7 @@ def test_cramer_rao_bound_is_the_covariance_of_a_filter_that_makes_no_error(kind
 
 
 def test_cramer_rao_bound_does_not_depend_on_the_measured_ranges(run):
-    deafened = replace(run, range=run.range + 7.0, mean=run.mean + 3.0)
+    deafened = replace(run, ranges=run.ranges + 7.0, mean=run.mean + 3.0)
     np.testing.assert_array_equal(run.cramer_rao, deafened.cramer_rao)
 
 

@@ -35,7 +35,7 @@ BAD_SETTINGS = {
     "seed=1.5": "seed = 1.5 .* must be a whole number",
     "seed=-1": "seed = -1 .* must be from 0 to 9007199254740991",
     "auv=[]": r"auv = \[\] .* has too few entries",
-    "cna=3": "cna = 3: must be a table",
+    "cna=3": r"cna = 3 \(the aid vehicle, or several as \[\[cna\]\]\): must be a table",
     "auv.7.speed=1": "7 is not one of the 2 entries, which count from 0",
     "auv.0.speed.x=1": "x is not a key, because the entry above it is a value",
     "auv.0.name=bravo": r"auv: the names \['bravo', 'bravo'\] are not all different; rename one",

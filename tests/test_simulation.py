@@ -11,7 +11,7 @@ import obsplan as op
 from formulations.solution import Status
 from obsplan.simulation import ClosedLoop
 from obsplan.simulation import inputs as loop_inputs
-from obsplan.simulation.inputs import mission_inputs, streams
+from obsplan.simulation.inputs import Streams, mission_inputs, streams
 
 QUIET = {
     "process_noise": {},
@@ -110,7 +110,7 @@ def test_estimates_are_those_of_a_filter_in_plain_numpy(kind, current):
         estimator={"process_noise": noise},
     )
     run = op.simulate(mission, seed=5)
-    _, inputs = mission_inputs(mission, mission.start, 5)
+    _, inputs = mission_inputs(mission, mission.starts, 5)
     Q = 0.5 * np.diag([0.08, 0.08, np.deg2rad(1.0), 0.05]) ** 2
     for i in range(2):
         ekf = NumpyEkf(
@@ -288,7 +288,7 @@ def test_process_and_measurement_noise_come_from_streams_of_their_own():
 
 def test_no_two_streams_share_a_number_nor_does_one_wait_for_another():
     drawn = [stream.standard_normal(100) for seed in (5, 6) for stream in streams(seed)]
-    assert np.unique(drawn).size == 600
+    assert np.unique(drawn).size == 2 * 100 * len(Streams._fields)
     fresh, used = streams(5), streams(5)
     used.measurement.standard_normal(17)
     assert fresh.process.standard_normal() == used.process.standard_normal()
@@ -302,7 +302,9 @@ def test_longer_missions_begin_as_shorter_ones():
 
 
 def test_silence_leaves_no_noise(monkeypatch):
-    monkeypatch.setattr(loop_inputs, "streams", lambda seed: [Silent] * 3)
+    monkeypatch.setattr(
+        loop_inputs, "streams", lambda seed: Streams(*[Silent] * len(Streams._fields))
+    )
     run = op.simulate(scenario())
     np.testing.assert_allclose(range_error(run), 0.0, atol=1e-12)
     np.testing.assert_allclose(run.mean, run.truth, atol=1e-9)

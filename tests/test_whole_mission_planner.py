@@ -11,6 +11,7 @@ import obsplan as op
 from obsplan.constraints import Constraints, Disc
 from obsplan.planners.whole_mission import Limits, frame_at
 from obsplan.planning.limits import SURE
+from obsplan.simulation.inputs import Streams
 
 RNG = np.random.default_rng
 
@@ -24,7 +25,7 @@ def small(starts=10, **change):
 def silent(monkeypatch):
     """Missions without noise."""
     monkeypatch.setattr(
-        "obsplan.simulation.inputs.streams", lambda _: (Silent(), Silent(), Silent())
+        "obsplan.simulation.inputs.streams", lambda _: Streams(*(Silent() for _ in Streams._fields))
     )
 
 

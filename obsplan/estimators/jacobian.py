@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from formulations.model.casadi import of_each, symbol
 from obsplan.estimators.estimator import Estimator, Process
-from obsplan.sensors import Sensor
+from obsplan.sensors import BEACON, Sensor
 from obsplan.vehicles import Vehicle
 
 
@@ -35,7 +35,9 @@ def predictions(
 
 
 def informations(
-    sensor: Sensor, states: Float[np.ndarray, "*#batch n"], beacons: Float[np.ndarray, "*#batch 3"]
+    sensor: Sensor,
+    states: Float[np.ndarray, "*#batch n"],
+    beacons: Float[np.ndarray, "*#batch 10"],
 ) -> Float[np.ndarray, "*batch n n"]:
     r"""Fisher information of a measurement whose deviation may depend on the state.
 
@@ -68,7 +70,7 @@ def _prediction(estimator: Estimator, process: Process) -> ca.Function:
 @lru_cache(maxsize=16)
 def _information(sensor: Sensor, n: int) -> ca.Function:
     """State, beacon -> information."""
-    x, beacon = symbol("x", n), symbol("beacon", 3)
+    x, beacon = symbol("x", n), symbol("beacon", len(BEACON))
     sigma = ca.SX(sensor.deviation(x, beacon))
     h, s = ca.jacobian(sensor.measure(x, beacon), x), ca.jacobian(sigma, x)
     J = (h.T @ h + 2 * s.T @ s) / sigma**2

@@ -270,8 +270,8 @@ def tracks_csv(run: Run) -> Iterator[str]:
     """The recording as a table, one row per time and AUV; lengths to a micrometre.
 
     It comes in pieces of some thousand rows: as a whole it would take much more memory than the
-    recording. ``range_m`` is empty between pings. Of a squared range it is the root, and empty
-    where noise made it negative.
+    recording. ``range_m`` is empty between pings. Of a squared range it is the root, and 0 where
+    noise made the square negative.
     """
     yield table_csv([TRACK_COLUMNS])
     for begin in range(0, run.time.size, BLOCK):
@@ -303,7 +303,7 @@ def ranges(kind: str, measured: Float[np.ndarray, "auvs _"]) -> Float[np.ndarray
     """Measured ranges [m]; nan without one."""
     if kind == "range":
         return measured
-    return np.sqrt(np.where(measured >= 0, measured, np.nan))
+    return np.sqrt(np.maximum(measured, 0.0))
 
 
 def rounded(values: Any) -> Any:

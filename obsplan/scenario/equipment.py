@@ -7,13 +7,16 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import TypeAdapter, ValidationError
 
 from obsplan.estimators import ESTIMATORS, Estimator
 from obsplan.plugins import class_of, is_own
+from obsplan.scenario.beacons import Beacon, beacons_of
 from obsplan.scenario.choice import options
-from obsplan.scenario.tables import ScenarioTable
+from obsplan.scenario.messages import as_error
+from obsplan.scenario.tables import RANGING, RangingTable, ScenarioTable
 from obsplan.scenario.trial import try_estimator, try_sensor, try_vehicle
-from obsplan.sensors import SENSORS, Heading, Sensor, SquaredRange
+from obsplan.sensors import SENSORS, Bearing, Heading, Range, Sensor, SquaredRange
 from obsplan.types import ObsplanError
 from obsplan.vehicles import VEHICLES, States, Vehicle
 
@@ -32,10 +35,10 @@ class Equipment:
     @cached_property
     def vehicles(self) -> tuple[Vehicle, ...]:
         """The AUVs' motion, of the truth and, unless it has its own, of the filter."""
-        told = {"current": self.table.environment.current}
         found: list[Vehicle] = []
         for i, auv in enumerate(self.table.auv):
             key = f"auv.{i}.vehicle"
+            told = {"current": self.assumed_current}
             vehicle = self._built(key, auv.vehicle, VEHICLES, told, try_vehicle)
             if found and [*vehicle.states.items()] != [*found[0].states.items()]:
                 raise self.error(
@@ -59,13 +62,66 @@ class Equipment:
         """Components of the states that the AUVs' filters estimate."""
         return self.estimator.states(self.vehicles[0])
 
+    @property
+    def assumed_current(self) -> tuple[float, float]:
+        """Current that AUVs' filters and autopilots count on, east and north [m/s]."""
+        told = self.table.estimator.current
+        return self.table.environment.current if told is None else told
+
     @cached_property
     def range_sensor(self) -> Sensor:
         """What measures the range, or squared range."""
+        return self._sensor("ranging", self.table.ranging)
+
+    @cached_property
+    def filter_ranging(self) -> RangingTable:
+        """What the filter is told of ranges."""
+        return self._told("estimator.ranging", self.table.ranging, self.table.estimator.ranging)
+
+    @cached_property
+    def filter_sensor(self) -> Sensor:
+        """What the filter takes a range for."""
+        if self.filter_ranging is self.table.ranging:
+            return self.range_sensor
+        return self._sensor("estimator.ranging", self.filter_ranging)
+
+    @cached_property
+    def planner_ranging(self) -> RangingTable:
+        """What planners are told of ranges."""
+        return self._told("planner.ranging", self.filter_ranging, self.table.planner.ranging)
+
+    @cached_property
+    def planner_sensor(self) -> Sensor:
+        """What planners take a range for."""
+        if self.planner_ranging is self.filter_ranging:
+            return self.filter_sensor
+        return self._sensor("planner.ranging", self.planner_ranging)
+
+    def _sensor(self, key: str, table: RangingTable) -> Sensor:
+        """The sensor a table stands for."""
         n = len(self.truth_states)
-        return self._built(
-            "ranging", self.table.ranging, SENSORS, {}, lambda sensor: try_sensor(sensor, n)
-        )
+        return self._built(key, table, SENSORS, {}, lambda sensor: try_sensor(sensor, n))
+
+    def _told(self, key: str, truth: RangingTable, given: dict[str, Any] | None) -> RangingTable:
+        """The truth's table of ranging with other values for some keys."""
+        if given is None:
+            return truth
+        same_kind = given.get("kind", truth.kind) == truth.kind
+        kept = truth.model_dump(exclude_unset=True) if same_kind else {}
+        try:
+            return TypeAdapter(RANGING.annotation()).validate_python(
+                {"kind": truth.kind, **kept, **given}
+            )
+        except ValidationError as error:
+            raise as_error(self.source, error, told=key) from None
+
+    @cached_property
+    def beacons(self) -> tuple[Beacon, ...]:
+        """What AUVs range to, the aid vehicles' own transducers first."""
+        try:
+            return beacons_of(self.table)
+        except ValueError as error:
+            raise self.error("beacon", error) from None
 
     @property
     def ranging_kind(self) -> str:
@@ -102,6 +158,29 @@ class Equipment:
         except ValueError as error:
             raise self.error(key, error) from error
         return built
+
+    @property
+    def depth_sigma(self) -> float:
+        """Standard deviation of the AUVs' measured depths [m]."""
+        sensor = self.range_sensor
+        return sensor.depth_sigma if isinstance(sensor, Range) else 0.0
+
+    @property
+    def assumed_sound_speed(self) -> float:
+        """Speed of sound by which instruments make distances of times [m/s]."""
+        sensor = self.range_sensor
+        if not isinstance(sensor, Range):
+            return Range().sound_speed
+        return sensor.assumed_sound_speed or sensor.sound_speed
+
+    @property
+    def bearing_sensor(self) -> Bearing | None:
+        """What measures a bearing with each range, if anything does."""
+        sigma = self.table.ranging.bearing_sigma_deg
+        if sigma is None:
+            return None
+        from_auv = self.table.ranging.bearing_from == "auv"
+        return Bearing(sigma=float(np.deg2rad(sigma)), from_auv=from_auv)
 
     @property
     def heading_sensor(self) -> Heading:

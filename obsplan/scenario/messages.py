@@ -8,7 +8,17 @@ from obsplan.plugins import is_own
 from obsplan.quantities import Quantity, quantity_of
 from obsplan.scenario.choice import Choice
 from obsplan.scenario.places import DEGREES, METRES, Degrees, InDegrees
-from obsplan.scenario.tables import AREA, CORNERS, AreaTable, ScenarioTable
+from obsplan.scenario.tables import (
+    AREA,
+    CORNERS,
+    DEPTHS,
+    ONE,
+    ONE_DEPTH,
+    SEVERAL,
+    AreaTable,
+    Cna,
+    ScenarioTable,
+)
 from obsplan.spelling import nearest
 from obsplan.types import ObsplanError
 
@@ -39,6 +49,10 @@ FORMS: dict[int | str, type[BaseModel] | None] = {
     DEGREES: Degrees,
     CORNERS: None,
     AREA: AreaTable,
+    ONE: Cna,
+    SEVERAL: None,
+    ONE_DEPTH: None,
+    DEPTHS: None,
 }
 
 
@@ -53,12 +67,19 @@ def as_toml(value: object) -> str:
     return f'"{value}"' if isinstance(value, str) else str(value)
 
 
-def as_error(source: str, error: ValidationError) -> ObsplanError:
-    """The first fault found, as an error that names file, key, value and remedy."""
+def as_error(source: str, error: ValidationError, told: str | None = None) -> ObsplanError:
+    """The first fault found, as an error that names file, key, value and remedy.
+
+    ``told`` is the key of a table that stands for another's ``ranging``.
+    """
     faults = error.errors()
     # a misspelt key explains the key that is missing
     fault = next((f for f in faults if f["type"] == "extra_forbidden"), faults[0])
-    table, path, field = locate(fault["loc"])
+    if told is None:
+        table, path, field = locate(fault["loc"])
+    else:
+        table, path, field = locate(("ranging", *fault["loc"]))
+        path[0] = told
     key = shortened(".".join(path))
     if fault["type"] == "extra_forbidden":
         return ObsplanError(f"{source}: unknown key {key}; {nearest(path[-1], known_keys(table))}")
@@ -150,7 +171,8 @@ def tables_in(annotation: Any) -> list[type[BaseModel]]:
         return []
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
-    return [table for part in get_args(annotation) for table in tables_in(part)]
+    found = [table for part in get_args(annotation) for table in tables_in(part)]
+    return [*dict.fromkeys(found)]
 
 
 def kind_of(table: type[BaseModel]) -> str:

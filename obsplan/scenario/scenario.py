@@ -8,19 +8,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Integer
+from jaxtyping import Bool, Float, Integer
 from pydantic import ValidationError
 
-from formulations.model.ranging import Ranging
 from obsplan.constraints import Constraints, Disc
 from obsplan.missions import Mission, read_mission, to_local
 from obsplan.planners import DEFAULT_PLANNER, planner_class
 from obsplan.planning.filed import Filed
 from obsplan.planning.interface import Planner, check_planner
 from obsplan.planning.situation import Situation
+from obsplan.planning.team import Team
 from obsplan.plugins import class_of, in_words, is_own
 from obsplan.scenario.areas import Role, Shape, as_entry, as_fence, common, shapes_of
 from obsplan.scenario.base import tuples
+from obsplan.scenario.beacons import law_told, offsets, ranged_steps
 from obsplan.scenario.choice import options
 from obsplan.scenario.contents import check_contents
 from obsplan.scenario.equipment import Equipment
@@ -29,7 +30,7 @@ from obsplan.scenario.plausible import check_metres_are_metres, known_speeds
 from obsplan.scenario.settings import NESTED, as_given, replaced, with_planner
 from obsplan.scenario.size import check_auvs, check_current, check_planner_size, check_steps
 from obsplan.scenario.surveys import as_waypoints, asked
-from obsplan.scenario.tables import AreaTable, MissionSurvey, Origin, ScenarioTable
+from obsplan.scenario.tables import AreaTable, MissionSurvey, Origin, ScenarioTable, aids_of
 from obsplan.surveys import SURVEYS, Formation, Motion, Reference, Waypoints
 from obsplan.types import UNCOMPUTABLE, ObsplanError, Pose, uncomputable
 from obsplan.vehicles import Unicycle
@@ -61,7 +62,8 @@ class Scenario(Equipment):
         check_current(self.table, self.source)
         _ = self.motions, self.ping_every, self.decide_every, self.constraints
         _ = self.vehicles, self.range_sensor, self.estimator
-        self.planner()
+        _ = self.filter_sensor, self.planner_sensor, self.beacons, self.offsets, self.depths
+        self.team()
 
     def __repr__(self) -> str:
         table = self.table
@@ -71,7 +73,7 @@ class Scenario(Equipment):
             f"{len(table.auv)} AUV{'s' * (len(table.auv) != 1)}",
             *([] if known is None else [f"{known[-1]:g} s"]),
             f"{table.ranging.kind} every {table.ranging.interval:g} s",
-            f"aid vehicle at {table.cna.speed:g} m/s",
+            *(f"aid vehicle at {aid.speed:g} m/s" for aid in aids_of(table)),
             f"planner {planner}",
         ]
         return f"<Scenario {table.name}: {', '.join(parts)}>"
@@ -111,16 +113,29 @@ class Scenario(Equipment):
         except ObsplanError as error:
             raise ObsplanError(as_given(str(error), settings)) from None
 
-    @cached_property
+    @property
     def cna(self) -> Unicycle:
-        """The aid vehicle."""
-        return Unicycle(speed=self.table.cna.speed, min_turn_radius=self.table.cna.min_turn_radius)
+        """The aid vehicle; of several the first."""
+        return self.aids[0]
+
+    @cached_property
+    def aids(self) -> tuple[Unicycle, ...]:
+        """The aid vehicles."""
+        return tuple(
+            Unicycle(speed=aid.speed, min_turn_radius=aid.min_turn_radius)
+            for aid in aids_of(self.table)
+        )
 
     @property
     def start(self) -> Pose:
-        """Where the aid vehicle starts, unless its planner says otherwise."""
-        start = self.table.cna.start
-        return Pose(start.x, start.y, float(np.deg2rad(start.heading_deg)))
+        """Where the (first) aid vehicle starts, unless its planner says otherwise."""
+        return self.starts[0]
+
+    @property
+    def starts(self) -> tuple[Pose, ...]:
+        """Where the aid vehicles start, unless their planners say otherwise."""
+        starts = [aid.start for aid in aids_of(self.table)]
+        return tuple(Pose(s.x, s.y, float(np.deg2rad(s.heading_deg))) for s in starts)
 
     @cached_property
     def references(self) -> tuple[Reference, ...]:
@@ -135,7 +150,7 @@ class Scenario(Equipment):
 
     def _reference(self, i: int, done: dict[str, Reference]) -> Reference:
         auv = self.table.auv[i]
-        current = np.array(self.table.environment.current)
+        current = np.array(self.assumed_current)
         if isinstance(auv.survey, MissionSurvey):
             survey = self._mission(auv.survey, paced=auv.speed is None)
             return survey.reference(speed=auv.speed, current=current)
@@ -196,6 +211,14 @@ class Scenario(Equipment):
         return np.arange(steps + 1) * step
 
     @cached_property
+    def unknown_currents(self) -> Float[np.ndarray, "samples auvs 2"] | None:
+        """The true current at each AUV less the one it counts on [m/s]; None where they agree."""
+        off = np.subtract(self.table.environment.current, self.assumed_current)
+        if not off.any():
+            return None
+        return np.broadcast_to(off, (self.time.size, len(self.table.auv), 2))
+
+    @cached_property
     def motions(self) -> tuple[Motion, ...]:
         """The references at the sample instants."""
         return tuple(reference.sample(self.time) for reference in self.references)
@@ -227,11 +250,40 @@ class Scenario(Equipment):
 
     @property
     def pings(self) -> Integer[np.ndarray, " pings"]:
-        """Indices of the sample instants at which ranges are measured; none at time 0."""
-        return np.arange(self.ping_every, self.time.size, self.ping_every)
+        """Indices of the sample instants at which ranges are due; none at time 0."""
+        return np.flatnonzero(self.ranged(None).any(axis=(1, 2))) + 1
 
-    def planner(self) -> Planner:
-        """Build the planner, told of the situation where it has such a field.
+    @cached_property
+    def offsets(self) -> Float[np.ndarray, "beacons auvs"]:
+        """When in a round each AUV ranges to each beacon [s]."""
+        found = offsets(self.table, len(self.beacons), len(self.table.auv))
+        ranging = self.table.ranging
+        last = found.max() + ranging.jitter
+        if last >= ranging.interval and last > 0:
+            raise self.error(
+                "ranging.slot",
+                f"{ranging.slot} s and jitter = {ranging.jitter} s make a round of {last:g} s and "
+                f"more, and interval is {ranging.interval} s: give a longer interval, or less",
+            )
+        return found
+
+    def ranged(self, random: np.random.Generator | None) -> Bool[np.ndarray, "steps beacons auvs"]:
+        """At the end of which steps each AUV ranges to each beacon; ``random`` adds the jitter."""
+        return ranged_steps(self.table, self.time.size - 1, self.offsets, random)
+
+    @cached_property
+    def depths(self) -> Float[np.ndarray, "samples auvs"]:
+        """Depths of the AUVs' transducers [m]; between points of a survey they change evenly."""
+        found = np.empty((self.time.size, len(self.table.auv)))
+        for i, (auv, reference) in enumerate(zip(self.table.auv, self.references, strict=True)):
+            try:
+                found[:, i] = reference.depth(self.time, auv.depth)
+            except ValueError as error:
+                raise self.error(f"auv.{i}.depth", error) from None
+        return found
+
+    def planner(self, aid: int = 0) -> Planner:
+        """Build the planner of an aid vehicle, told of the situation where it has such a field.
 
         Raises
         ------
@@ -242,7 +294,7 @@ class Scenario(Equipment):
         cls = planner_class(table.kind)
         given = options(cls, table)
         if "situation" in signature(cls).parameters:
-            given["situation"] = self.situation
+            given["situation"] = self.situations[aid]
         try:
             planner = cls(**given)
             check_planner(planner)
@@ -255,18 +307,36 @@ class Scenario(Equipment):
             raise self.error("planner", fault) from error
         return planner
 
+    def team(self) -> "Planner | Team":
+        """The planner, or those of several aid vehicles."""
+        planners = tuple(self.planner(aid) for aid in range(len(self.aids)))
+        return planners[0] if len(planners) == 1 else Team(planners)
+
     @cached_property
     def situation(self) -> Situation:
         """What planners are told, once."""
-        sigma = self.range_sensor.sigma
+        return self.situations[0]
+
+    @cached_property
+    def situations(self) -> tuple[Situation, ...]:
+        """What the planner of each aid vehicle is told."""
+        return tuple(self._situation(i) for i in range(len(self.aids)))
+
+    def _situation(self, aid: int) -> Situation:
+        ranging = self.planner_ranging
+        of_its_own = [k for k, beacon in enumerate(self.beacons) if beacon.carrier == aid]
+        slots = self.offsets[of_its_own[0]] if of_its_own and ranging.slot else ()
         return Situation(
-            self.cna,
-            ranging=Ranging(sigma, squared=self.ranging_kind == "squared-range"),
-            ping_interval=self.table.ranging.interval,
+            self.aids[aid],
+            ranging=law_told(self.planner_sensor, ranging),
+            ping_interval=ranging.interval,
+            slots=tuple(float(slot) for slot in slots),
+            silent=ranging.silent,
+            transducer_depth=aids_of(self.table)[aid].transducer_depth,
             heading_sigma=self.heading_sensor.sigma,
             decision_interval=self.decide_every * self.table.time_step,
             constraints=self.constraints,
-            survey_circle=self._survey_circle,
+            survey_circle=self._survey_circle(aid),
             filed=self._filed,
         )
 
@@ -320,8 +390,7 @@ class Scenario(Equipment):
             weights=np.array([auv.weight for auv in self.table.auv], dtype=float),
         )
 
-    @cached_property
-    def _survey_circle(self) -> Disc:
+    def _survey_circle(self, aid: int) -> Disc:
         """Smallest circle about every survey, not smaller than the aid vehicle can turn."""
         import shapely
 
@@ -329,7 +398,8 @@ class Scenario(Equipment):
             np.concatenate([reference.polyline for reference in self.references])
         )
         center = shapely.minimum_bounding_circle(points).centroid
-        radius = max(float(shapely.minimum_bounding_radius(points)), self.cna.min_turn_radius)
+        smallest = self.aids[aid].min_turn_radius
+        radius = max(float(shapely.minimum_bounding_radius(points)), smallest)
         return Disc(x=center.x, y=center.y, radius=radius)
 
     def resolved(self) -> dict[str, Any]:

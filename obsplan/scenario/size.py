@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from obsplan.scenario.tables import ScenarioTable
+from obsplan.scenario.tables import ScenarioTable, aids_of
 from obsplan.types import ObsplanError
 
 MOST_AUVS = 100  # AUVs that range to one aid vehicle in turns
@@ -92,10 +92,11 @@ def check_current(table: ScenarioTable, source: str) -> None:
     ObsplanError
         Names the key, the current and the speed.
     """
-    current, speed = table.environment.current, table.cna.speed
-    if np.hypot(*current) >= speed:
-        raise ObsplanError(
-            f"{source}: environment.current = {list(current)} m/s is too strong for the aid "
-            f"vehicle, cna.speed = {speed} m/s: it could not hold the track over ground that its "
-            "planner commands; give a weaker current, or a faster vehicle"
-        )
+    current = table.environment.current
+    for aid in aids_of(table):
+        if np.hypot(*current) >= aid.speed:
+            raise ObsplanError(
+                f"{source}: environment.current = {list(current)} m/s is too strong for the aid "
+                f"vehicle, cna.speed = {aid.speed} m/s: it could not hold the track over ground "
+                "that its planner commands; give a weaker current, or a faster vehicle"
+            )

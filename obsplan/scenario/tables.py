@@ -12,15 +12,22 @@ from obsplan.quantities import (
     AUV_SPEED,
     AUV_SURGE,
     BEARING,
+    CARRIER,
+    CLOCK_DRIFT,
+    CLOCK_OFFSET,
     COMPASS_SIGMA,
     CURRENT,
+    DEPTH,
     DISTANCE,
     DURATION,
+    INSTANT,
     INTERVAL,
     LENGTH,
     POSITION,
     POSITION_WALK,
     SEED,
+    SHARE,
+    SLOT,
     SPEED_SIGMA,
     SPEED_WALK,
     TIME_STEP,
@@ -55,13 +62,38 @@ class Start(Place):
 
 
 class Cna(Table):
-    """The aid vehicle (communication and navigation aid)."""
+    """An aid vehicle (communication and navigation aid)."""
 
     speed: Annotated[float, VESSEL_SPEED] = Field(description="cruising speed [m/s]")
     min_turn_radius: Annotated[float, TURN_RADIUS] = Field(
         description="smallest turning radius [m]"
     )
     start: Start = Field(default=Start(), description="pose at time 0")
+    transducer_depth: Annotated[float, DEPTH] = Field(
+        default=0.0, description="of its transducer, where ranges are slant [m]"
+    )
+    ranged: bool = Field(default=True, description="whether AUVs range to it")
+
+
+class BeaconTable(Place):
+    """A transponder that AUVs range to besides: moored, or carried by an aid vehicle."""
+
+    name: str = Field(
+        default="",
+        max_length=LONGEST_NAME,
+        description="name in tables; default: beacon-1, beacon-2, ...",
+    )
+    x: Annotated[float, POSITION] = Field(
+        default=0.0, description="east [m]; of a carried one ahead of the vehicle's reference point"
+    )
+    y: Annotated[float, POSITION] = Field(
+        default=0.0, description="north [m]; of a carried one to the left"
+    )
+    depth: Annotated[float, DEPTH] = Field(default=0.0, description="of its transducer [m]")
+    on: Annotated[int | None, CARRIER] = Field(
+        default=None,
+        description="number of the aid vehicle that carries it, from 0; default: moored",
+    )
 
 
 class MissionSurvey(Table):
@@ -121,7 +153,7 @@ class VehicleTable(Table):
 
 
 class RangingTable(Table):
-    """Acoustic ranging and the compass."""
+    """Acoustic ranging and the compass: when ranges come, which are lost, and what is false."""
 
     kind: str = Field(description="what is measured with Gaussian error")
     interval: Annotated[float, INTERVAL] = Field(
@@ -130,12 +162,83 @@ class RangingTable(Table):
     heading_sigma_deg: Annotated[float, COMPASS_SIGMA] = Field(
         default=1.0, description="standard deviation of the measured heading [deg]"
     )
+    access: Literal["polling", "broadcast"] = Field(
+        default="polling", description="AUVs one by one, or all that hear a beacon at once"
+    )
+    slot: Annotated[float, SLOT] = Field(
+        default=0.0,
+        description="time from one range of a round to the next [s]; 0: all at the same time",
+    )
+    jitter: Annotated[float, SLOT] = Field(
+        default=0.0, description="greatest delay of a range, at random [s]"
+    )
+    silent: tuple[tuple[Annotated[float, INSTANT], Annotated[float, INSTANT]], ...] = Field(
+        default=(), description="from when to when nothing is ranged, each [from, to] [s]"
+    )
+    loss: Annotated[float, SHARE] = Field(
+        default=0.0, description="probability that a range is lost, at any distance"
+    )
+    half_distance: Annotated[float | None, LENGTH] = Field(
+        default=None, description="at which half of the others are lost [m]; default: none are"
+    )
+    reach: Annotated[float | None, LENGTH] = Field(
+        default=None, description="greatest range [m]; default: none"
+    )
+    outliers: Annotated[float, SHARE] = Field(
+        default=0.0, description="probability that a range took a longer way; not told"
+    )
+    outlier_mean: Annotated[float, LENGTH] = Field(
+        default=30.0, description="mean of the longer way, of an exponential distribution [m]"
+    )
+    duplicates: Annotated[float, SHARE] = Field(
+        default=0.0, description="probability that a range is delivered twice; not told"
+    )
+    scale_sigma: Annotated[float, SHARE] = Field(
+        default=0.0, description="standard deviation of a mission's relative error; not told"
+    )
+    clock_offset: Annotated[float, CLOCK_OFFSET] = Field(
+        default=0.0, description="of clocks at time 0, which lengthens ranges [s]; not told"
+    )
+    clock_drift: Annotated[float, CLOCK_DRIFT] = Field(
+        default=0.0, description="by which the offset grows [s/s]; not told"
+    )
+    compass_bias_deg: Annotated[float, BEARING] = Field(
+        default=0.0, description="added to every measured heading [deg]; not told"
+    )
+    bearing_sigma_deg: Annotated[float | None, COMPASS_SIGMA] = Field(
+        default=None,
+        description="standard deviation of a bearing that comes with each range [deg]; default: "
+        "none comes",
+    )
+    bearing_from: Literal["beacon", "auv"] = Field(
+        default="beacon",
+        description="who measures bearings: the beacon, to the AUV, its own heading known; or the "
+        "AUV, relative to its bow",
+    )
+
+
+RANGING = Choice(
+    what="ranging",
+    known=SENSORS,
+    needs=("sigma", "periodic", "measure", "deviation"),
+    base=RangingTable,
+    default="range",
+)
+TOLD = "keys of [ranging] that differ from the truth's"
 
 
 class EstimatorTable(Table):
     """The AUVs' filter."""
 
     kind: str = Field(description="which filter")
+    ranging: dict[str, Any] | None = Field(
+        default=None, description=f"what it is told of ranges: {TOLD}"
+    )
+    current: tuple[Annotated[float, CURRENT], Annotated[float, CURRENT]] | None = Field(
+        default=None,
+        description="that filter and autopilot count on, east and north [m/s]; default: the true "
+        "one",
+    )
     process_noise: ProcessNoise | None = Field(
         default=None, description="what the filter assumes; default: the truth's"
     )
@@ -150,6 +253,9 @@ class PlannerTable(Table):
     )
     knowledge: Literal["estimate", "estimate-and-survey", "survey", "truth"] = Field(
         default="estimate", description="what the planner is given of the AUVs"
+    )
+    ranging: dict[str, Any] | None = Field(
+        default=None, description=f"what it is told of ranges: {TOLD}; default: as the filter"
     )
 
 
@@ -166,13 +272,6 @@ VEHICLE = Choice(
     base=VehicleTable,
     told=("current",),
     default="dead-reckoning",
-)
-RANGING = Choice(
-    what="ranging",
-    known=SENSORS,
-    needs=("sigma", "periodic", "measure", "deviation"),
-    base=RangingTable,
-    default="range",
 )
 ESTIMATOR = Choice(
     what="estimator",
@@ -197,6 +296,9 @@ else:
     Planner = PLANNER.annotation()
 
 
+ONE_DEPTH, DEPTHS = "{ depth }", "[ depth ]"  # pydantic's names for the two forms of a depth
+
+
 class Auv(Table):
     """One survey vehicle."""
 
@@ -214,6 +316,15 @@ class Auv(Table):
     )
     weight: Annotated[float, WEIGHT] = Field(
         default=1.0, description="weight in the planner's objective"
+    )
+    depth: Annotated[
+        Annotated[float, DEPTH, Tag(ONE_DEPTH)]
+        | Annotated[tuple[Annotated[float, DEPTH], ...], Field(min_length=1), Tag(DEPTHS)],
+        Discriminator(lambda value: DEPTHS if isinstance(value, tuple) else ONE_DEPTH),
+    ] = Field(
+        default=0.0,
+        description="of its transducer, where ranges are slant [m]; a list has one for each point "
+        "of its survey",
     )
     survey: Survey = Field(  # pyright: ignore[reportInvalidTypeForm]
         description="what it follows over ground"
@@ -266,6 +377,7 @@ class AreaTable(Place):
         return self
 
 
+ONE, SEVERAL = "{ cna }", "[ cna ]"  # pydantic's names for the two forms of an aid vehicle
 CORNERS, AREA = "[ corners ]", "{ area }"  # pydantic's names for the two forms of a geofence
 
 
@@ -306,7 +418,11 @@ class ScenarioTable(Table):
         default=None, description="of the mission [s]; default: until the last survey is done"
     )
     origin: Origin = Field(description="geographic place of local (0, 0)")
-    cna: Cna
+    cna: Annotated[
+        Annotated[Cna, Tag(ONE)] | Annotated[tuple[Cna, ...], Tag(SEVERAL), Field(min_length=1)],
+        Discriminator(lambda value: SEVERAL if isinstance(value, tuple) else ONE),
+    ] = Field(description="the aid vehicle, or several as [[cna]]")
+    beacon: tuple[BeaconTable, ...] = Field(default=(), description="other transponders")
     auv: tuple[Auv, ...] = Field(min_length=1, description="the survey vehicles")
     environment: Environment = Environment()
     ranging: Ranging = Field(default=RANGING.default_table(), description="ranges and compass")
@@ -320,13 +436,20 @@ class ScenarioTable(Table):
     @model_validator(mode="before")
     @classmethod
     def _name_the_nameless(cls, data: Any) -> Any:
-        auvs = data.get("auv") if isinstance(data, dict) else None
-        if not isinstance(auvs, tuple):
+        if not isinstance(data, dict):
             return data
-        return {
-            **data,
-            "auv": tuple(
-                {"name": f"auv-{i + 1}", **auv} if isinstance(auv, dict) else auv
-                for i, auv in enumerate(auvs)
-            ),
-        }
+        for key in ("auv", "beacon"):
+            listed = data.get(key)
+            if isinstance(listed, tuple):
+                data = {**data, key: tuple(_named(key, i, one) for i, one in enumerate(listed))}
+        return data
+
+
+def aids_of(table: ScenarioTable) -> tuple[Cna, ...]:
+    """The aid vehicles."""
+    return table.cna if isinstance(table.cna, tuple) else (table.cna,)
+
+
+def _named(key: str, i: int, one: Any) -> Any:
+    """An entry of a list with the name it has where it says none."""
+    return {"name": f"{key}-{i + 1}", **one} if isinstance(one, dict) else one

@@ -7,10 +7,8 @@ import casadi as ca
 
 from formulations.model.casadi import symbol
 from obsplan.estimators import Estimator, Process
-from obsplan.sensors import Sensor
+from obsplan.sensors import BEACON, Sensor
 from obsplan.vehicles import Vehicle, check_states
-
-BEACON = 3  # east, north, heading
 
 
 def try_vehicle(vehicle: Vehicle) -> None:
@@ -24,7 +22,7 @@ def try_vehicle(vehicle: Vehicle) -> None:
 def try_sensor(sensor: Sensor, n: int) -> None:
     """Raise ValueError unless measurement and deviation are scalars of a state of n components."""
     _frozen(sensor)
-    x, beacon = symbol("x", n), symbol("beacon", BEACON)
+    x, beacon = symbol("x", n), symbol("beacon", len(BEACON))
     _shaped("measure", lambda: [sensor.measure(x, beacon)], [(1, 1)])
     _shaped("deviation", lambda: [sensor.deviation(x, beacon)], [(1, 1)])
     if not (isinstance(sensor.sigma, int | float) and 0 < sensor.sigma < float("inf")):
@@ -40,7 +38,7 @@ def try_estimator(estimator: Estimator, vehicle: Vehicle, sensor: Sensor) -> Non
     process = Process(model=vehicle, noise=(1.0,) * n, dt=0.1)
     whole = [x.shape, P.shape]
     _shaped("predict", lambda: estimator.predict(x, P, u, process), whole)
-    z, beacon = symbol("z"), symbol("beacon", BEACON)
+    z, beacon = symbol("z"), symbol("beacon", len(BEACON))
     _shaped("update", lambda: estimator.update(x, P, z, sensor, beacon), whole)
 
 

@@ -4,6 +4,8 @@ from typing import ClassVar, Protocol, runtime_checkable
 
 import casadi as ca
 
+from formulations.model.ranging import Ranging
+
 # What a sensor is told of the vehicle that it ranges to, and of the water: position [m], heading
 # [rad], velocity over ground [m/s], turn rate [rad/s], depths of both transducers [m], and the
 # current at the AUV [m/s].
@@ -37,4 +39,14 @@ class Sensor(Protocol):
 
     def deviation(self, x: ca.SX, beacon: ca.SX) -> ca.SX | float:
         """Standard deviation of its error there; positive."""
+        ...
+
+
+@runtime_checkable
+class KnowsLaw(Protocol):
+    """A sensor that says what planners count on."""
+
+    @property
+    def ranging(self) -> Ranging:
+        """Geometry and standard deviation by distance."""
         ...

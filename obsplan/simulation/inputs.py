@@ -1,12 +1,15 @@
 """What a mission is given from outside: first estimates, schedules, survey and noise."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from formulations.model.covariance import pack_array
 from obsplan.scenario import Scenario
 from obsplan.scenario.states import first_covariance, first_mean, first_truth, noise
+from obsplan.simulation.features import Features
 from obsplan.simulation.step import Carry, Inputs
 from obsplan.types import Pose
 
@@ -17,45 +20,106 @@ class Streams(NamedTuple):
     process: np.random.Generator
     measurement: np.random.Generator
     planner: np.random.Generator
+    schedule: np.random.Generator
+    arrival: np.random.Generator
+    faults: np.random.Generator
+    depth: np.random.Generator
+    bearing: np.random.Generator
 
 
 def streams(seed: int) -> Streams:
     """Independent streams of a mission."""
-    return Streams(*(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)))
+    children = np.random.SeedSequence(seed).spawn(len(Streams._fields))
+    return Streams(*(np.random.default_rng(child) for child in children))
 
 
-def mission_inputs(scenario: Scenario, start: Pose, seed: int) -> tuple[Carry, Inputs]:
-    """The state at time 0, the aid vehicle being at ``start``, and the inputs of every step."""
-    process, measurement, _ = streams(seed)
+def mission_inputs(scenario: Scenario, starts: Sequence[Pose], seed: int) -> tuple[Carry, Inputs]:
+    """The state at time 0, the aid vehicles being at ``starts``, and the inputs of every step."""
+    random, features = streams(seed), Features.of(scenario)
     # samples, AUVs, basic states
     survey = np.stack(
         [np.column_stack([m.position, m.heading, m.speed]) for m in scenario.motions], axis=1
     )
     steps, auvs = len(survey) - 1, survey.shape[1]
     truth = first_truth(scenario, survey[0])
-    carry = first_carry(scenario, start, truth, measurement.standard_normal(truth.shape))
-    index = np.arange(steps)
-    heading_error, range_error = (measurement.standard_normal((steps, auvs, 1)) for _ in range(2))
+    carry = first_carry(scenario, starts, truth, random.measurement.standard_normal(truth.shape))
+    of_each = (steps, auvs, len(scenario.beacons))
+    heading_error = random.measurement.standard_normal((steps, auvs, 1))
+    range_error = random.measurement.standard_normal(of_each)
+    bias = np.deg2rad(scenario.table.ranging.compass_bias_deg)
+    jitter = random.schedule if scenario.table.ranging.jitter else None
+    nothing = np.empty((steps, auvs, 0))
+    chance = random.arrival.random(of_each) if features.lossy else nothing
+    false = false_ranges(scenario, random.faults, of_each) if features.false else nothing
+    twice = repeated(scenario, random.faults, of_each) if features.repeated else nothing
+    depth = depth_error = nothing
+    if features.deep:
+        depth = scenario.depths[1:, :, None]
+        depth_error = random.depth.standard_normal((steps, auvs, 1)) * scenario.depth_sigma
+    bearing_error = random.bearing.standard_normal(of_each) if features.bearing else nothing
     inputs = Inputs(
         time=scenario.time[:-1, None, None],
-        decide=(index % scenario.decide_every == 0)[:, None, None],
-        given=np.zeros((steps, 1, 2)),
-        ping=((index + 1) % scenario.ping_every == 0)[:, None, None],
+        decide=(np.arange(steps) % scenario.decide_every == 0)[:, None, None],
+        given=np.zeros((steps, len(starts), 2)),
+        ping=scenario.ranged(jitter).swapaxes(1, 2),
         survey=survey[:-1],
         steer=survey[1:, :, 2:],
-        disturbance=process.standard_normal((steps, *truth.shape))
-        * noise(scenario, scenario.truth_states)
-        * np.sqrt(scenario.table.time_step),
-        heading_error=heading_error * scenario.heading_sensor.sigma,
+        disturbance=disturbance(scenario, random.process.standard_normal((steps, *truth.shape))),
+        heading_error=heading_error * scenario.heading_sensor.sigma + bias,
         range_error=range_error,
+        chance=chance,
+        false=false,
+        repeated=twice,
+        depth=depth,
+        depth_error=depth_error,
+        bearing_error=bearing_error,
     )
     return carry, Inputs(*(np.asarray(a, dtype=float) for a in inputs))
 
 
-def first_carry(scenario: Scenario, start: Pose, truth: np.ndarray, error: np.ndarray) -> Carry:
-    """Truth, first estimates and the aid vehicle's pose at time 0."""
+def disturbance(
+    scenario: Scenario, drawn: Float[np.ndarray, "steps auvs n"]
+) -> Float[np.ndarray, "steps auvs n"]:
+    """What moves the true states besides their models: process noise, and water unknown to them."""
+    dt = scenario.table.time_step
+    moved = drawn * noise(scenario, scenario.truth_states) * np.sqrt(dt)
+    unknown = scenario.unknown_currents
+    if unknown is not None:
+        moved[..., :2] += unknown[:-1] * dt
+    return moved
+
+
+def false_ranges(
+    scenario: Scenario, random: np.random.Generator, shape: tuple[int, int, int]
+) -> Float[np.ndarray, "steps auvs two_per_beacon"]:
+    """Of each range, how much [m] it is longer whatever the distance, and its relative error.
+
+    A way by multipath is longer by an exponential distribution; a clock that is late lengthens all;
+    a relative error holds for the mission.
+    """
+    ranging = scenario.table.ranging
+    # always drawn, so that one fault does not change another
+    strays, longer = random.random(shape), random.exponential(size=shape)
+    scale = random.standard_normal() * ranging.scale_sigma
+    late = ranging.clock_offset + ranging.clock_drift * scenario.time[1:, None, None]
+    excess = np.where(strays < ranging.outliers, longer * ranging.outlier_mean, 0.0)
+    excess = excess + late * scenario.assumed_sound_speed
+    return np.concatenate([excess, np.full(shape, scale)], axis=-1)
+
+
+def repeated(
+    scenario: Scenario, random: np.random.Generator, shape: tuple[int, int, int]
+) -> np.ndarray:
+    """Which ranges are delivered twice."""
+    return random.random(shape) < scenario.table.ranging.duplicates
+
+
+def first_carry(
+    scenario: Scenario, starts: Sequence[Pose], truth: np.ndarray, error: np.ndarray
+) -> Carry:
+    """Truth, first estimates and the aid vehicles' poses at time 0."""
     mean = first_mean(scenario, truth, error)
     lower = pack_array(first_covariance(scenario, scenario.filter_states))
-    cna = np.array([[start.x, start.y, start.heading]])
-    command = np.array([[0.0, scenario.cna.speed]])
+    cna = np.array([[start.x, start.y, start.heading] for start in starts])
+    command = np.array([[0.0, aid.speed] for aid in scenario.aids])
     return Carry(cna, command, truth, mean, lower, mean, lower)

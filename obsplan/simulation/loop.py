@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from time import perf_counter
 
 import casadi as ca
@@ -28,6 +28,8 @@ from obsplan.planning.interface import (
     checked_start,
 )
 from obsplan.planning.limits import within_limits
+from obsplan.planning.situation import Situation
+from obsplan.planning.team import Team, members_of
 from obsplan.run import Run, Timing
 from obsplan.scenario import Scenario, load
 from obsplan.scenario.states import BASIC
@@ -36,7 +38,7 @@ from obsplan.simulation.inputs import mission_inputs
 from obsplan.simulation.recorded import record
 from obsplan.simulation.step import HELD, Carry, Inputs, Log, StepBuilder, folded, shape_of
 from obsplan.surveys import Reference
-from obsplan.types import Belief, Pose
+from obsplan.types import Belief, ObsplanError, Pose
 
 LOG = logging.getLogger(__name__)
 # AUVs up to which machine code is made of scalars: a quarter faster, but compiled for each AUV
@@ -78,7 +80,7 @@ def simulate(
     """
     scenario = load(scenario) if isinstance(scenario, str) else scenario
     scenario = scenario.replace(planner=planner) if isinstance(planner, str) else scenario
-    planner = scenario.planner() if planner is None or isinstance(planner, str) else planner
+    planner = scenario.team() if planner is None or isinstance(planner, str) else planner
     run = ClosedLoop(scenario=scenario, planner=planner).fly(
         scenario.table.seed if seed is None else seed, progress=progress
     )
@@ -105,39 +107,61 @@ class ClosedLoop:
     """
 
     scenario: Scenario
-    planner: Planner
+    planner: Planner | Team
     compiled: bool = False
 
     def __post_init__(self) -> None:
-        with blamed(self.planner, "say what it offers"):
-            check_planner(self.planner)
-            check_condition_label(self.planner)
+        aids = len(self.scenario.aids)
+        if len(self.planners) != aids:
+            raise ObsplanError(
+                f"{self.scenario.source}: there are {aids} aid vehicles and {len(self.planners)} "
+                "planners: give a Team with one for each, in the order of [[cna]]"
+            )
+        for planner in self.planners:
+            with blamed(planner, "say what it offers"):
+                check_planner(planner)
+                check_condition_label(planner)
+
+    @property
+    def planners(self) -> tuple[Planner, ...]:
+        """Of each aid vehicle."""
+        return members_of(self.planner)
 
     @cached_property
     def step(self) -> ca.Function:
         """The Function (Carry, Inputs) -> (Carry, Log) of one time step."""
         auvs = len(self.scenario.table.auv)
-        with blamed(self.planner, "build its expression"):
-            expression = folded(self.scenario, self.planner)
+        expressions = []
+        for planner in self.planners:
+            with blamed(planner, "build its expression"):
+                expressions.append(folded(self.scenario, planner))
         try:
-            step = StepBuilder(scenario=self.scenario, planner=self.planner).build()
-        except Exception:  # of the expression itself, or of a vehicle, a sensor or a filter
-            if expression is not None:
-                with blamed(self.planner, "build its expression"):
-                    decision_function(expression, auvs, self.scenario.cna)
+            step = StepBuilder(scenario=self.scenario, planners=self.planners).build()
+        except Exception:  # of an expression itself, or of a vehicle, a sensor or a filter
+            parts = zip(self.planners, expressions, self.scenario.aids, strict=True)
+            for planner, expression, aid in parts:
+                if expression is not None:
+                    with blamed(planner, "build its expression"):
+                        decision_function(expression, auvs, aid)
             raise
         if self.compiled:
             return machine_code(step.expand() if auvs <= UNROLLED else step)
-        return interpreted(step, expression, auvs)
+        return interpreted(step, expressions[0], auvs)
 
     @property
     def start(self) -> Pose:
-        """Where the aid vehicle starts: the scenario's start, or where the planner begins."""
-        start, planner = self.scenario.start, self.planner
-        with blamed(planner, "choose its start"):
-            if not isinstance(planner, ChoosesStart):
-                return start
-            return checked_start(planner, start)
+        """Where the (first) aid vehicle starts: as the scenario says, or the planner begins."""
+        return self.starts[0]
+
+    @property
+    def starts(self) -> tuple[Pose, ...]:
+        """Where the aid vehicles start."""
+        found = []
+        for start, planner in zip(self.scenario.starts, self.planners, strict=True):
+            with blamed(planner, "choose its start"):
+                chosen = isinstance(planner, ChoosesStart)
+                found.append(checked_start(planner, start) if chosen else start)
+        return tuple(found)
 
     def fly(
         self,
@@ -147,26 +171,30 @@ class ClosedLoop:
         progress: Progress | None = None,
         covariances: bool = True,
     ) -> Run:
-        """Fly the mission under the noise of a seed, from another ``start`` if one is given.
+        """Fly the mission under the noise of a seed, the first from another ``start`` if given.
 
         Without ``covariances`` those of the run, more than half of what it holds, are nan.
         """
         began, progress = perf_counter(), progress or (lambda _done, _steps: None)
-        start = start or self.start
-        first, inputs = mission_inputs(self.scenario, start, seed)
+        starts = self.starts if start is None else (start, *self.starts[1:])
+        first, inputs = mission_inputs(self.scenario, starts, seed)
         steps = len(inputs.time)
-        planner = self.planner
-        with blamed(planner, "plan before the mission"):
-            if isinstance(planner, Prepares):
-                progress = prepared(planner, start, progress)
+        for planner, begin in zip(self.planners, starts, strict=True):
+            with blamed(planner, "plan before the mission"):
+                if isinstance(planner, Prepares):
+                    progress = prepared(planner, begin, progress)
         carry = carried(first, steps, HELD if covariances else (*HELD, "covariance"))
         log = Log(*(room(steps, *shape_of(name, self.scenario)) for name in Log._fields))
         walk = Walk()
-        if (commands := self._commands(steps)) is not None:
-            inputs.given[:, 0], codes = fitted_commands(commands, self.scenario.cna)
+        fixed = [self._commands(planner, steps) for planner in self.planners]
+        if all(commands is not None for commands in fixed):
+            codes = []
+            for c, (commands, aid) in enumerate(zip(fixed, self.scenario.aids, strict=True)):
+                inputs.given[:, c], code = fitted_commands(commands, aid)
+                codes.append(code)
             self._fold(carry, inputs, log, progress)
-            log.status[:, 0, 0] = codes
-        elif folded(self.scenario, planner) is not None:
+            log.status[:, :, 0] = np.stack(codes, axis=-1)
+        elif all(folded(self.scenario, planner) is not None for planner in self.planners):
             self._fold(carry, inputs, log, progress)
         else:
             walk = self._walk(self._of_mission(seed), carry, inputs, log, progress)
@@ -174,23 +202,23 @@ class ClosedLoop:
         # what a run does not hold makes room: of a long mission it is large
         del inputs
         carry = carry._replace(covariance=recorded_covariance(carry))
-        return record(self.scenario, self.planner, seed, carry, log, timing, walk.faults)
+        return record(self.scenario, self.planners, seed, carry, log, timing, walk.faults)
 
-    def _commands(self, steps: int) -> Float[np.ndarray, "steps 2"] | None:
-        """What the planner has fixed beforehand, if it has."""
-        planner = self.planner
+    def _commands(self, planner: Planner, steps: int) -> Float[np.ndarray, "steps 2"] | None:
+        """What a planner has fixed beforehand, if it has."""
         with blamed(planner, "give its commands"):
             return checked_commands(planner, steps) if isinstance(planner, HasCommands) else None
 
-    def _of_mission(self, seed: int) -> Planner:
-        """The planner that is asked in the mission under a seed."""
-        planner = self.planner
-        with blamed(planner, "draw its numbers"):
-            if not isinstance(planner, Draws):
-                return planner
-            drawn = planner.for_mission(seed)
-            check_planner(drawn)
-            return drawn
+    def _of_mission(self, seed: int) -> Team:
+        """The planners that are asked in the mission under a seed."""
+        found = []
+        for planner in self.planners:
+            with blamed(planner, "draw its numbers"):
+                if isinstance(planner, Draws):
+                    planner = planner.for_mission(seed)
+                    check_planner(planner)
+                found.append(planner)
+        return Team(tuple(found))
 
     def _fold(self, carry: Carry, inputs: Inputs, log: Log, progress: Progress) -> None:
         """Advance by whole chunks of steps; the planner is part of the step."""
@@ -212,27 +240,47 @@ class ClosedLoop:
         return {}
 
     def _walk(
-        self, planner: Planner, carry: Carry, inputs: Inputs, log: Log, progress: Progress
+        self, team: Team, carry: Carry, inputs: Inputs, log: Log, progress: Progress
     ) -> "Walk":
-        """Advance from decision to decision, calling the planner."""
+        """Advance from decision to decision, calling the planners."""
         steps, every = len(inputs.time), self.scenario.decide_every
-        walk, free = Walk(), self._is_free(planner)
+        walk, free = Walk(), [self._is_free(planner) for planner in team.members]
         for k in range(0, steps, every):
             n = min(every, steps - k)
             began = perf_counter()
             auvs = self._beliefs(carry, inputs, k)
             time = float(inputs.time[k, 0, 0])
-            decision, fault = self._answer(planner, pose_of(carry, k), auvs, time, free=free)
+            poses = poses_of(carry, k)
+            ask = partial(self._ask, team=team, time=time, free=free)
+            answers = team.decide(poses, auvs, ask)
             walk.seconds.append(perf_counter() - began)
-            if fault:
-                walk.faults.setdefault(decision.status.label, f"first after {time:g} s: {fault}")
-            inputs.given[k : k + n, 0] = decision.turn_rate, decision.speed
+            for c, (decision, fault) in enumerate(answers):
+                if fault:
+                    said = f"first after {time:g} s: {fault}"
+                    walk.faults.setdefault(decision.status.label, said)
+                inputs.given[k : k + n, c] = decision.turn_rate, decision.speed
             self._advance(carry, inputs, log, k, n)
-            log.score[k], log.status[k] = decision.score, decision.status
-            log.condition[k, :, 0] = decision.condition if decision.condition.size else np.nan
+            for c, (decision, _) in enumerate(answers):
+                log.score[k, c], log.status[k, c] = decision.score, decision.status
+            condition = answers[0].decision.condition
+            log.condition[k, :, 0] = condition if condition.size else np.nan
             if k // CHUNK != (k + n) // CHUNK or k + n == steps:
                 progress(k + n, steps)
         return walk
+
+    def _ask(
+        self,
+        aid: int,
+        pose: Pose,
+        auvs: list[Belief],
+        *,
+        team: Team,
+        time: float,
+        free: list[bool],
+    ) -> Answer:
+        """What an aid vehicle makes of its planner's answer."""
+        planner, situation = team.members[aid], self.scenario.situations[aid]
+        return self._answer(planner, situation, pose, auvs, time, free=free[aid])
 
     def _is_free(self, planner: Planner) -> bool:
         """Whether a planner's decisions are flown as they are: it keeps the limits, if any."""
@@ -243,17 +291,23 @@ class ClosedLoop:
             return isinstance(planner, KeepsLimits) and bool(planner.constraints == limits)
 
     def _answer(
-        self, planner: Planner, pose: Pose, auvs: list[Belief], time: float, *, free: bool
+        self,
+        planner: Planner,
+        situation: Situation,
+        pose: Pose,
+        auvs: list[Belief],
+        time: float,
+        *,
+        free: bool,
     ) -> Answer:
         """What the vehicle makes of a planner's answer, kept within limits if it is not free.
 
         What is flown in place of the planner's decision is always kept within them.
         """
-        scenario = self.scenario
-        decision, fault = ask(planner, pose, auvs, time=time, cna=scenario.cna)
-        if not scenario.constraints or (free and not fault):
+        decision, fault = ask(planner, pose, auvs, time=time, cna=situation.cna)
+        if not self.scenario.constraints or (free and not fault):
             return Answer(decision, fault)
-        kept = within_limits(decision, pose, auvs, scenario.situation)
+        kept = within_limits(decision, pose, auvs, situation)
         if decision.status in BLAMES:
             kept = replace(kept, status=decision.status)
         return Answer(kept, fault)
@@ -278,12 +332,19 @@ class ClosedLoop:
                 covariance=covariance,
                 process_noise=noise,
                 weight=auv.weight,
-                current=scenario.table.environment.current,
+                current=scenario.assumed_current,
+                depth=depth,
                 route=along,
                 checked=False,
             )
-            for mean, covariance, noise, auv, along in zip(
-                means, covariances, self._noises, scenario.table.auv, routes, strict=True
+            for mean, covariance, noise, auv, depth, along in zip(
+                means,
+                covariances,
+                self._noises,
+                scenario.table.auv,
+                scenario.depths[k].tolist(),
+                routes,
+                strict=True,
             )
         ]
 
@@ -343,6 +404,7 @@ def route(reference: Reference, mean: np.ndarray, now: float) -> Callable[[np.nd
     return lambda ahead: reference.position(now + ahead) + off
 
 
-def pose_of(carry: Carry, k: int) -> Pose:
-    """Pose of the aid vehicle at a step's beginning, with the turn rate it is still at."""
-    return Pose(*(float(v) for v in (*carry.cna[k, 0], carry.command[k, 0, 0])))
+def poses_of(carry: Carry, k: int) -> list[Pose]:
+    """Poses of the aid vehicles at a step's beginning, with the turn rates they are still at."""
+    known = zip(carry.cna[k].tolist(), carry.command[k, :, 0].tolist(), strict=True)
+    return [Pose(*place, turn_rate) for place, turn_rate in known]

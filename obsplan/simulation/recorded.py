@@ -1,19 +1,19 @@
 """The run that the loop's arrays are a record of."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from obsplan.planners import name_of
 from obsplan.planning.interface import NamesCondition
-from obsplan.run import Run, Timing
+from obsplan.run import AidTrack, Run, Timing
 from obsplan.scenario import Scenario
 from obsplan.simulation.step import Carry, Log
 
 
 def record(
     scenario: Scenario,
-    planner: object,
+    planners: Sequence[object],
     seed: int,
     carry: Carry,
     log: Log,
@@ -27,8 +27,11 @@ def record(
     """
     missing = np.full((len(scenario.table.auv), 1), np.nan)
     # a carry's command is that of the step before
-    command = np.concatenate([carry.command[1:, 0], carry.command[-1:, 0]])
-    turn_rate, speed = command.T
+    command = np.concatenate([carry.command[1:], carry.command[-1:]])
+    aids = [
+        AidTrack(carry.cna[:, c], *command[:, c].T, *held(log, c)) for c in range(len(planners))
+    ]
+    first, planner = aids[0], planners[0]
     label = planner.condition_label if isinstance(planner, NamesCondition) else ""
     return Run(
         scenario=scenario,
@@ -36,21 +39,35 @@ def record(
         condition_label=label,
         seed=seed,
         time=scenario.time,
-        cna=carry.cna[:, 0],
-        turn_rate=turn_rate,
-        speed=speed,
+        cna=first.pose,
+        turn_rate=first.turn_rate,
+        speed=first.speed,
+        others=tuple(aids[1:]),
         truth=by_auv(carry.truth),
         mean=by_auv(carry.mean),
         covariance=carry.covariance,
         # measured at the step's end
-        range=np.concatenate([missing, by_auv(log.range)[..., 0]], axis=1),
+        ranges=measured(log.range),
+        bearings=measured(log.bearing),
         # decided at its beginning
         condition=np.concatenate([by_auv(log.condition)[..., 0], missing], axis=1),
-        score=np.append(log.score[:, 0, 0], np.nan),
-        status=np.append(log.status[:, 0, 0], np.nan),
+        score=first.score,
+        status=first.status,
         timing=timing,
         faults=faults,
     )
+
+
+def held(log: Log, aid: int) -> tuple[np.ndarray, np.ndarray]:
+    """Scores and statuses of an aid vehicle's decisions, each from the step's beginning on."""
+    return np.append(log.score[:, aid, 0], np.nan), np.append(log.status[:, aid, 0], np.nan)
+
+
+def measured(logged: np.ndarray) -> np.ndarray:
+    """What was measured at the ends of steps (steps x AUVs x beacons), by beacon and AUV."""
+    _, auvs, beacons = logged.shape
+    none = np.full((beacons, auvs, 1), np.nan)
+    return np.concatenate([none, np.moveaxis(logged, 0, -1).swapaxes(0, 1)], axis=-1)
 
 
 def by_auv(a: np.ndarray) -> np.ndarray:

@@ -1,6 +1,6 @@
 """One time step of the closed loop as one CasADi Function.
 
-It moves the aid vehicle, and each AUV's truth, filter and last report.
+It moves the aid vehicles, and each AUV's truth, filter and last report.
 """
 
 from dataclasses import dataclass
@@ -11,23 +11,24 @@ import casadi as ca
 import numpy as np
 
 from formulations.model.casadi import matrix, symbol
-from formulations.model.covariance import pack, unpack
 from obsplan.estimators import Process
 from obsplan.planning.expressions import Command, Expression, Targets, decision_function
 from obsplan.planning.interface import Planner, expression_of
 from obsplan.scenario import Scenario
 from obsplan.scenario.states import BASIC, noise
+from obsplan.simulation.features import Features
+from obsplan.simulation.surveyor import Fleet, Own, Surveyor
 
 
 class Carry(NamedTuple):
     """What one step hands to the next: expressions, or arrays with axes (..., AUV, row).
 
-    Expressions have one column per AUV. Truths have the n states of the vehicles, estimates the m
-    of the filter. Covariances are their lower triangles by columns.
+    Expressions have one column per AUV, or aid vehicle. Truths have the n states of the vehicles,
+    estimates the m of the filter. Covariances are their lower triangles by columns.
     """
 
-    cna: Any  # 3: east, north, heading
-    command: Any  # 2: turn rate, speed
+    cna: Any  # 3 x C: east, north, heading of each aid vehicle
+    command: Any  # 2 x C: turn rate, speed
     truth: Any  # n x M
     mean: Any  # m x M
     covariance: Any  # m (m + 1) / 2 x M
@@ -40,54 +41,66 @@ HELD = ("reported", "reported_covariance")
 
 
 class Inputs(NamedTuple):
-    """What a step is given from outside; as arrays, with the step as first axis."""
+    """What a step is given from outside; as arrays, with the step as first axis.
+
+    From ``chance`` on there are none where the scenario has no use for them (`Features`).
+    """
 
     time: Any  # 1, at the step's beginning [s]
     decide: Any  # 1, whether a decision is due
-    given: Any  # 2: turn rate, speed, of a planner that is no expression
-    ping: Any  # 1, whether ranges are measured at the step's end
+    given: Any  # 2 x C: turn rate, speed, of planners that are no expression
+    ping: Any  # B x M, whether an AUV ranges to a beacon at the step's end
     survey: Any  # 4 x M, the reference at the step's beginning
     steer: Any  # 2 x M, heading and speed of the reference at the step's end
     disturbance: Any  # n x M, process noise over the step
     heading_error: Any  # 1 x M, of the measurement at the step's end [rad]
-    range_error: Any  # 1 x M, in standard deviations
+    range_error: Any  # B x M, in standard deviations
+    chance: Any  # B x M, from 0 to 1: a range comes whose probability is greater
+    false: Any  # 2 B x M: how much longer ranges are whatever the distance [m]; relative errors
+    repeated: Any  # B x M, whether a range is delivered twice
+    depth: Any  # 1 x M, true depth at the step's end [m]
+    depth_error: Any  # 1 x M, of its measurement [m]
+    bearing_error: Any  # B x M, in standard deviations
 
 
 class Log(NamedTuple):
-    """What a step says besides; ``range`` is nan without a ping, the others without a decision."""
+    """What a step says besides; ``range`` is nan where none came, the others without a decision."""
 
-    range: Any  # 1 x M
-    score: Any  # 1
-    condition: Any  # 1 x M
-    status: Any  # 1
+    range: Any  # B x M
+    score: Any  # 1 x C
+    condition: Any  # 1 x M, of the first aid vehicle's decision
+    status: Any  # 1 x C
+    bearing: Any  # B x M, or none
 
 
-# one column, however many AUVs
-OF_ALL = (
-    "cna",
-    "command",
-    "time",
-    "decide",
-    "given",
-    "ping",
-    "score",
-    "status",
-)
-
+OF_ALL = ("time", "decide")  # one column
+OF_AID = ("cna", "command", "given", "score", "status")  # a column for each aid vehicle
 
 # of each AUV, what its part of the step is told of Carry and Inputs
 OF_AUV = ("truth", "mean", "covariance", "reported", "reported_covariance")
-GIVEN_AUV = ("steer", "disturbance", "heading_error", "range_error")
+GIVEN_AUV = (
+    *("steer", "disturbance", "ping", "heading_error", "range_error"),
+    *("chance", "false", "repeated", "depth", "depth_error", "bearing_error"),
+)
+FOUND = ("truth", "mean", "covariance", "reported", "reported_covariance", "range", "bearing")
 
 
 def shape_of(name: str, scenario: Scenario) -> tuple[int, int]:
     """Axes (column, row) of a field, as arrays have them."""
     n, m = len(scenario.truth_states), len(scenario.filter_states)
-    half = m * (m + 1) // 2
+    half, beacons = m * (m + 1) // 2, len(scenario.beacons)
+    has = Features.of(scenario)
     rows = {"cna": 3, "command": 2, "given": 2, "survey": BASIC, "steer": 2}
     rows |= {"truth": n, "disturbance": n, "mean": m, "reported": m}
     rows |= {"covariance": half, "reported_covariance": half}
-    return 1 if name in OF_ALL else len(scenario.table.auv), rows.get(name, 1)
+    rows |= {"ping": beacons, "range_error": beacons, "range": beacons}
+    rows |= {"chance": beacons * has.lossy, "repeated": beacons * has.repeated}
+    rows |= {"false": 2 * beacons * has.false, "depth": has.deep, "depth_error": has.deep}
+    rows |= {"bearing_error": beacons * has.bearing, "bearing": beacons * has.bearing}
+    columns = len(scenario.table.auv)
+    if name in OF_ALL or name in OF_AID:
+        columns = 1 if name in OF_ALL else len(scenario.aids)
+    return columns, int(rows.get(name, 1))
 
 
 def folded(scenario: Scenario, planner: Planner) -> Expression | None:
@@ -100,13 +113,13 @@ def folded(scenario: Scenario, planner: Planner) -> Expression | None:
 
 @dataclass(frozen=True, kw_only=True)
 class StepBuilder:
-    """Composes a scenario's vehicle, sensors and filter into one step.
+    """Composes a scenario's vehicles, sensors and filter into one step.
 
-    A planner that is an expression is part of it.
+    Planners that are expressions are part of it.
     """
 
     scenario: Scenario
-    planner: Planner
+    planners: tuple[Planner, ...]  # of the aid vehicles
 
     def build(self) -> ca.Function:
         """The Function (Carry, Inputs) -> (Carry, Log).
@@ -116,9 +129,12 @@ class StepBuilder:
         """
         carry, inputs = Carry(*self._matrices(Carry)), Inputs(*self._matrices(Inputs))
         command, score, condition, status = self._decide(carry, inputs)
-        cna = self._moved()(carry.cna, command)
-        *columns, ranges = self._fleet(cna, carry, inputs)
-        after, log = Carry(cna, command, *columns), Log(ranges, score, condition, status)
+        moved = self._moved()
+        aids = range(len(self.planners))
+        cna = ca.horzcat(*(moved(carry.cna[:, c], command[:, c]) for c in aids))
+        *columns, ranges, bearings = self._fleet(cna, command, carry, inputs)
+        after = Carry(cna, command, *columns)
+        log = Log(ranges, score, condition, status, bearings)
         outputs = [ca.densify(expression) for expression in (*after, *log)]
         names = (
             [*Carry._fields, *Inputs._fields],
@@ -131,45 +147,51 @@ class StepBuilder:
         return [matrix(name, *shape_of(name, self.scenario)[::-1]) for name in of._fields]
 
     def _moved(self) -> ca.Function:
-        """(pose, command) -> pose of the aid vehicle."""
+        """(pose, command) -> pose of an aid vehicle."""
         pose, command = symbol("pose", 3), symbol("command", 2)
         after = self.scenario.cna.step(pose, command, self.scenario.table.time_step)
         return ca.Function("moved", [pose, command], [after])
 
     def _decide(self, carry: Carry, inputs: Inputs) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
-        """Command, score, condition numbers and status.
+        """Commands, scores and statuses of the aid vehicles, condition numbers of the first's.
 
-        The command of a planner that is no expression is given.
+        The commands of planners that are no expressions are given.
         """
-        expression, auvs = folded(self.scenario, self.planner), carry.truth.shape[1]
-        if expression is None:
-            return inputs.given, ca.MX.nan(1), ca.MX.nan(1, auvs), ca.MX.nan(1)
+        expressions = [folded(self.scenario, planner) for planner in self.planners]
+        auvs, aids = carry.truth.shape[1], len(expressions)
+        if any(expression is None for expression in expressions):
+            return inputs.given, ca.MX.nan(1, aids), ca.MX.nan(1, auvs), ca.MX.nan(1, aids)
         known = {"survey": inputs.survey, "truth": carry.truth}.get(
             self.scenario.table.planner.knowledge, carry.reported
         )[:BASIC, :]
-        pose = ca.vertcat(carry.cna, carry.command[0])
-        decision = decision_function(expression, auvs, self.scenario.cna)
-        new = Command(*decision(inputs.time, pose, *self._targets(known, carry)))
         due = partial(ca.if_else, inputs.decide)
-        command = due(ca.vertcat(new.turn_rate, new.speed), carry.command)
-        condition = ca.reshape(new.condition, 1, auvs)
-        return command, due(new.score, np.nan), due(condition, np.nan), due(new.status, np.nan)
+        commands, scores, statuses, conditions = [], [], [], []
+        for c, expression in enumerate(expressions):
+            pose = ca.vertcat(carry.cna[:, c], carry.command[0, c])
+            decision = decision_function(expression, auvs, self.scenario.aids[c])
+            new = Command(*decision(inputs.time, pose, *self._targets(known, carry)))
+            command = due(ca.vertcat(new.turn_rate, new.speed), carry.command[:, c])
+            commands.append(command)
+            scores.append(due(new.score, np.nan))
+            statuses.append(due(new.status, np.nan))
+            conditions.append(due(ca.reshape(new.condition, 1, auvs), np.nan))
+        return ca.horzcat(*commands), ca.horzcat(*scores), conditions[0], ca.horzcat(*statuses)
 
     def _targets(self, known: ca.MX, carry: Carry) -> Targets:
-        """What the planner is told.
+        """What planners are told.
 
         Means are by the scenario's knowledge, uncertainty always as the AUVs' filters last
         reported it.
         """
         auvs = self.scenario.table.auv
-        current = ca.repmat(ca.DM(self.scenario.table.environment.current), 1, len(auvs))
+        current = ca.repmat(ca.DM(self.scenario.assumed_current), 1, len(auvs))
         weight = ca.DM([auv.weight for auv in auvs])
         second = len(self.scenario.filter_states)  # where the second column of the triangle begins
         position = carry.reported_covariance[[0, 1, second], :]
         return Targets(known, current, position, weight)
 
-    def _fleet(self, cna: ca.MX, carry: Carry, inputs: Inputs) -> list[ca.MX]:
-        """Truth, mean, covariance, report and range of all AUVs at the step's end."""
+    def _fleet(self, cna: ca.MX, command: ca.MX, carry: Carry, inputs: Inputs) -> list[ca.MX]:
+        """Truth, mean, covariance, report, ranges and bearings of all AUVs at the step's end."""
         kinds: dict[Process, list[int]] = {}
         for i in range(len(self.scenario.table.auv)):
             kinds.setdefault(self._process(i), []).append(i)
@@ -177,56 +199,21 @@ class StepBuilder:
         found = []
         for process, these in kinds.items():
             own = [field[:, these] for field in known]
-            shared = [ca.repmat(field, 1, len(these)) for field in (cna, inputs.ping)]
+            shared = [ca.repmat(ca.vec(field), 1, len(these)) for field in (cna, command)]
             found.append(self._of_one(process).map(len(these))(*own, *shared))
         order = np.argsort(np.concatenate([*kinds.values()])).tolist()
         return [ca.horzcat(*columns)[:, order] for columns in zip(*found, strict=True)]
 
     def _of_one(self, process: Process) -> ca.Function:
-        """Truth, mean, covariance, report and range of one AUV of a kind at the step's end."""
-        rows = [shape_of(name, self.scenario)[1] for name in (*OF_AUV, *GIVEN_AUV)]
-        own = [symbol(*of) for of in zip((*OF_AUV, *GIVEN_AUV), rows, strict=True)]
-        cna, ping = symbol("cna", 3), symbol("ping")
-        results = [ca.densify(result) for result in self._auv(process, cna, ping, *own)]
-        return ca.Function("of_one", [*own, cna, ping], results)
-
-    def _auv(
-        self,
-        process: Process,
-        cna: ca.SX,
-        ping: ca.SX,
-        truth: ca.SX,
-        mean: ca.SX,
-        covariance: ca.SX,
-        reported: ca.SX,
-        reported_covariance: ca.SX,
-        steer: ca.SX,
-        disturbance: ca.SX,
-        heading_error: ca.SX,
-        range_error: ca.SX,
-    ) -> tuple[ca.SX, ...]:
-        """The same as expressions."""
-        scenario, filtering = self.scenario, self.scenario.estimator
-        compass, ranging = scenario.heading_sensor, scenario.range_sensor
-        m = len(scenario.filter_states)
-        # the autopilot brings heading and speed back to the survey's, and measures what it did
-        u = steer - truth[2:BASIC]
-        moved = process.model.step(truth, u, scenario.table.time_step)
-        after = moved + disturbance
-        x, P = filtering.predict(mean, unpack(covariance, m), u, process)
-        heading = compass.measure(after, cna) + heading_error
-        x, P = filtering.update(x, P, heading, compass, cna)
-        error = ranging.deviation(after, cna) * range_error
-        z = ranging.measure(after, cna) + error
-        x_ranged, P_ranged = filtering.update(x, P, z, ranging, cna)
-        pinged = partial(ca.if_else, ping)
-        x, P = pinged(x_ranged, x), pinged(pack(P_ranged), pack(P))
-        along = scenario.table.planner.knowledge == "estimate-and-survey"
-        turns = steer - reported[2:BASIC] if along else ca.SX.zeros(2)
-        reckoned, reckoned_P = filtering.predict(
-            reported, unpack(reported_covariance, m), turns, process
-        )
-        return after, x, P, pinged(x, reckoned), pinged(P, pack(reckoned_P)), pinged(z, np.nan)
+        """Each of `FOUND` of one AUV of a kind at the step's end."""
+        names = (*OF_AUV, *GIVEN_AUV)
+        own = {name: symbol(name, shape_of(name, self.scenario)[1]) for name in names}
+        aids = len(self.planners)
+        cna, command = symbol("cna", 3 * aids), symbol("command", 2 * aids)
+        fleet = Fleet.of(self.scenario, ca.reshape(cna, 3, aids), ca.reshape(command, 2, aids))
+        results = Surveyor(self.scenario, process, fleet).step(Own(**own))
+        found = [ca.densify(results[name]) for name in FOUND]
+        return ca.Function("of_one", [*own.values(), cna, command], found)
 
     def _process(self, i: int) -> Process:
         """What the filter of an AUV assumes."""

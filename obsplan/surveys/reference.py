@@ -230,6 +230,26 @@ class Reference:
             axis=-1,
         )
 
+    def depth(
+        self, time: Float[np.ndarray, " t"], depths: float | Sequence[float]
+    ) -> Float[np.ndarray, " t"]:
+        """Depth [m] at instants [s]: one throughout, or one at each vertex and even between them.
+
+        Raises
+        ------
+        ValueError
+            Not as many depths as there are vertices.
+        """
+        if isinstance(depths, int | float):
+            return np.full(time.shape, float(depths))
+        if len(depths) != len(self.polyline):
+            raise ValueError(
+                f"must be one for each of the {len(self.polyline)} points of the survey, got "
+                f"{len(depths)}: correct it, or give one number"
+            )
+        instants = self._arrival_and_departure.ravel()
+        return np.interp(time, instants, np.repeat(np.asarray(depths, dtype=float), 2))
+
     def sample(self, time: Float[np.ndarray, " steps"]) -> Motion:
         """Sample the motion at increasing instants [s], as a vehicle steered piecewise constant.
 

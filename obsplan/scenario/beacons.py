@@ -1,0 +1,94 @@
+"""What AUVs range to, and when: aid vehicles' transducers and other beacons, rounds and slots."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from formulations.model.ranging import Ranging
+from obsplan.scenario.tables import RangingTable, ScenarioTable, aids_of
+from obsplan.sensors.sensor import KnowsLaw, Sensor
+
+PLACES = 1e-6  # of a step: times this near to a sample are the sample's
+
+
+@dataclass(frozen=True, slots=True)
+class Beacon:
+    """A transducer that AUVs range to, moored or carried by an aid vehicle."""
+
+    name: str
+    carrier: int | None  # number of the aid vehicle; None: it is moored
+    place: tuple[float, float]  # east, north; of a carried one ahead, to the left [m]
+    depth: float  # [m]
+
+
+def beacons_of(table: ScenarioTable) -> tuple[Beacon, ...]:
+    """The aid vehicles' own transducers, then the other beacons.
+
+    Raises
+    ------
+    ValueError
+        No beacon at all, or one on a vehicle that is not there.
+    """
+    aids = aids_of(table)
+    found = []
+    for i, aid in enumerate(aids):
+        name = "cna" if len(aids) == 1 else f"cna-{i + 1}"
+        if aid.ranged:
+            found.append(Beacon(name, i, (0.0, 0.0), aid.transducer_depth))
+    for beacon in table.beacon:
+        if beacon.on is not None and beacon.on >= len(aids):
+            raise ValueError(
+                f'beacon "{beacon.name}" is on aid vehicle {beacon.on}, and the last is number '
+                f"{len(aids) - 1}: correct the number"
+            )
+        found.append(Beacon(beacon.name, beacon.on, (beacon.x, beacon.y), beacon.depth))
+    if not found:
+        raise ValueError("AUVs range to nothing: set ranged = true, or add a [[beacon]]")
+    return tuple(found)
+
+
+def offsets(table: ScenarioTable, beacons: int, auvs: int) -> Float[np.ndarray, "beacons auvs"]:
+    """When in a round each range comes [s]: beacon after beacon, and AUV after AUV if polled."""
+    ranging = table.ranging
+    number = np.arange(beacons)[:, None] * np.ones(auvs)
+    if ranging.access == "polling":
+        number = number * auvs + np.arange(auvs)
+    return number * ranging.slot
+
+
+def ranged_steps(
+    table: ScenarioTable,
+    steps: int,
+    offset: Float[np.ndarray, "beacons auvs"],
+    random: np.random.Generator | None,
+) -> Bool[np.ndarray, "steps beacons auvs"]:
+    """At the end of which steps each AUV ranges to each beacon; ``random`` delays by the jitter.
+
+    Round k = 1, 2, ... begins at k intervals.
+    """
+    ranging, dt = table.ranging, table.time_step
+    rounds = int(np.floor(steps * dt / ranging.interval + PLACES))
+    begin = np.arange(1, rounds + 1)[:, None, None] * ranging.interval
+    times = begin + offset
+    if random is not None and ranging.jitter:
+        times = times + random.uniform(0.0, ranging.jitter, times.shape)
+    sample = np.ceil(times / dt - PLACES).astype(int)
+    due = sample <= steps
+    for start, stop in ranging.silent:
+        due &= ~((times >= start) & (times <= stop))
+    mask = np.zeros((steps, *offset.shape), dtype=bool)
+    _, beacon, auv = np.nonzero(due)
+    mask[sample[due] - 1, beacon, auv] = True
+    return mask
+
+
+def law_told(sensor: Sensor, table: RangingTable) -> Ranging:
+    """What planners count on, of a sensor and of what may be lost."""
+    plain = Ranging(sensor.sigma)
+    known = sensor.ranging if isinstance(sensor, KnowsLaw) else plain
+    return known._replace(
+        loss=table.loss,
+        half_distance=np.inf if table.half_distance is None else table.half_distance,
+        reach=np.inf if table.reach is None else table.reach,
+    )
