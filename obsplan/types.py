@@ -53,11 +53,12 @@ class Belief:
     """What the planner knows of one AUV; the truth only under ``knowledge = "truth"``.
 
     ``mean`` is (east [m], north [m], heading [rad], speed through the water [m/s]); ``covariance``
-    (4 x 4) the AUV's own, as last reported and predicted since, wherever the mean comes from;
-    ``process_noise`` the standard deviations per square root of a second of position [m], heading
-    [rad] and speed [m/s]; ``current`` the water's velocity [m/s], by which it is carried; ``depth``
-    that of its transducer [m], which counts where ranges are slant; ``route`` its planned positions
-    as a function of time from now [s], where they are known.
+    the AUV's own, as last reported and predicted since, wherever the mean comes from: 4 x 4, or
+    5 x 5 where the AUV has to estimate its depth [m] as well; ``process_noise`` the standard
+    deviations per square root of a second of position [m], heading [rad] and speed [m/s], and
+    ``depth_noise`` that of a depth that is estimated [m]; ``current`` the water's velocity [m/s],
+    by which it is carried; ``depth`` that of its transducer [m], which counts where ranges are
+    slant; ``route`` its planned positions as a function of time from now [s], where they are known.
 
     ``checked=False`` keeps the arrays themselves, whatever they hold. The simulator asks for it: a
     filter that has failed is for the planner to answer, with a status.
@@ -65,14 +66,15 @@ class Belief:
     Raises
     ------
     ValueError
-        A negative weight, a mean that is not 4 numbers, or a covariance that is not 4 x 4,
+        A negative weight, a mean that is not 4 numbers, or a covariance that is not 4 x 4 or 5 x 5,
         symmetric and positive semidefinite within rounding. One that is not finite is accepted, and
         planners answer it with a status.
     """
 
     mean: Float[np.ndarray, "4"]
-    covariance: Float[np.ndarray, "4 4"]
+    covariance: Float[np.ndarray, "4 4"] | Float[np.ndarray, "5 5"]
     process_noise: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    depth_noise: float = 0.0
     weight: float = 1.0
     current: tuple[float, float] = (0.0, 0.0)
     depth: float = 0.0
@@ -103,6 +105,11 @@ class Belief:
             covariance=np.zeros((4, 4)) if covariance is None else covariance,
             weight=weight,
         )
+
+    @property
+    def horizontal_covariance(self) -> Float[np.ndarray, "4 4"]:
+        """Covariance of what the mean has: that of the depth is left out."""
+        return self.covariance[:4, :4]
 
     def ahead(self, times: Float[np.ndarray, " steps"]) -> Float[np.ndarray, "steps 2"]:
         """Predict positions [m] at times from now [s], on the route or at constant velocity."""
@@ -187,13 +194,13 @@ def _checked_mean(mean: np.ndarray) -> Float[np.ndarray, "4"]:
     return x
 
 
-def _checked_covariance(covariance: np.ndarray) -> Float[np.ndarray, "4 4"]:
+def _checked_covariance(covariance: np.ndarray) -> Float[np.ndarray, "n n"]:
     """A copy of a covariance."""
     P = _floats(covariance)
-    if P is None or P.shape != (4, 4):
+    if P is None or P.shape not in ((4, 4), (5, 5)):
         raise ValueError(
             "covariance of an AUV must be 4 x 4, of east [m], north [m], heading [rad] and speed "
-            f"[m/s], got {_short(covariance)}"
+            f"[m/s], or 5 x 5, with the depth [m] after them, got {_short(covariance)}"
         )
     if not P.any() or _definite(P) or not np.isfinite(P).all():
         return P
@@ -216,7 +223,7 @@ def _checked_covariance(covariance: np.ndarray) -> Float[np.ndarray, "4 4"]:
     return P
 
 
-def _definite(P: Float[np.ndarray, "4 4"]) -> bool:
+def _definite(P: Float[np.ndarray, "n n"]) -> bool:
     """Whether a matrix is symmetric and positive definite beyond doubt.
 
     That is the usual case, and this test the fast one.

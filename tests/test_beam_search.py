@@ -325,10 +325,25 @@ def test_known_position_has_a_finite_log_determinant():
 
 # Machine code
 
+PLAIN = Form()
+EVERYTHING = Ranging(0.7, growth=0.05, slant=True, loss=0.2, half_distance=20.0, reach=25.0)
 
-def beams(auvs, stages, width, *, squared=False, criterion="trace"):
+
+def deep(given, states):
+    """What of a problem is different where the AUVs are 9 m deep, and that is one of 5 states."""
+    P = np.tile(np.eye(states), (len(given["covariance"]), 1, 1))
+    P[:, :4, :4] = given["covariance"]
+    noise = np.full(P.shape[:2], 0.1)
+    return {
+        "covariance": P,
+        "process_noise": noise,
+        "tracks": given["tracks"]._replace(height=9.0),
+    }
+
+
+def beams(auvs, stages, width, *, form=PLAIN, criterion="trace", states=4):
     """What a search works with, as machine code and as arrays."""
-    kind = Kind(auvs, 5, Form(squared), criterion)
+    kind = Kind(auvs, 5, form, criterion, states)
     library = machine_code(kind)
     if library is None:
         pytest.skip("there is no C compiler")
@@ -336,21 +351,32 @@ def beams(auvs, stages, width, *, squared=False, criterion="trace"):
     return compiled, Interpreted(branching(kind), 5, width)
 
 
-@pytest.mark.parametrize(("squared", "criterion"), [(False, "trace"), (True, "log-det")])
+@pytest.mark.parametrize(
+    ("ranging", "criterion", "states"),
+    [
+        (Ranging(0.7), "trace", 4),
+        (Ranging(0.7, squared=True), "log-det", 4),
+        (EVERYTHING, "trace", 4),
+        (EVERYTHING, "log-det", 5),
+    ],
+)
 @pytest.mark.parametrize("width", [1, 7, 60])
 @pytest.mark.parametrize("spoilt", [False, True])
-def test_machine_code_finds_what_arrays_find_to_the_last_bit(squared, criterion, width, spoilt):
+def test_machine_code_finds_what_arrays_find_to_the_last_bit(
+    ranging, criterion, states, width, spoilt
+):
     given = problem(np.random.default_rng(width), auvs=2, stages=4)
+    given |= deep(given, states)
     told = search._told(
         *(given[name] for name in ("tracks", "process_noise", "weights", "stages", "turn_rates")),
         speed=2.0,
-        ranging=Ranging(0.7, squared),
+        ranging=ranging,
     )
     if spoilt:  # one turn of the second stage leads nowhere
         told[1, -2] = math.nan
     covariance = pack_array(given["covariance"])
     found = []
-    for beam in beams(2, 4, width, squared=squared, criterion=criterion):
+    for beam in beams(2, 4, width, form=ranging.form, criterion=criterion, states=states):
         beam.begin(given["pose"], covariance)
         beam.search(told)
         found.append(beam.first(told))
@@ -410,7 +436,8 @@ def test_each_lane_has_the_bits_of_the_function_itself():
     x, y, shared = ca.SX.sym("x"), ca.SX.sym("y"), ca.SX.sym("s")
     both = [ca.fmax(x, y), ca.fmin(x, shared), ca.power(x, y), ca.atan2(x, y), x / y - shared]
     alone = [ca.sqrt(x), ca.exp(x), ca.log(y), ca.sin(x), ca.fabs(y), x**2, 2 * x, 1 / y, x**5]
-    results = ca.vertcat(*both, *alone, ca.cos(shared) * 3.0)
+    choices = [x < y, y <= x, x <= shared, ca.if_else(x < y, 1 / x, y), ca.logic_not(x)]
+    results = ca.vertcat(*both, *alone, *choices, ca.cos(shared) * 3.0)
     function = ca.Function("f", [x, y, shared], [results])
     wrapped = "void g(const lanes* x, const lanes* y, const double* s, lanes* r) { f(x, y, s, r); }"
     path = compiled_library(vectors() + in_lanes(function, shared=[2]) + wrapped, asked_for=False)

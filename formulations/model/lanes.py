@@ -20,7 +20,8 @@ PLAIN = {
     ca.OP_TWICE: "2.0 * {0}",
     ca.OP_INV: "1.0 / {0}",
 }
-# Those that have a function in C, by the number of its arguments; vectors ask it lane by lane.
+# Those that have a function in C, by the number of its arguments; vectors ask it lane by lane
+# unless they have their own.
 CALLED = {
     1: {
         ca.OP_SQRT: "sqrt",
@@ -29,6 +30,7 @@ CALLED = {
         ca.OP_SIN: "sin",
         ca.OP_COS: "cos",
         ca.OP_FABS: "fabs",
+        ca.OP_NOT: "is_zero",
     },
     2: {
         ca.OP_FMAX: "fmax",
@@ -36,6 +38,9 @@ CALLED = {
         ca.OP_POW: "pow",
         ca.OP_CONSTPOW: "pow",
         ca.OP_ATAN2: "atan2",
+        ca.OP_LT: "is_less",
+        ca.OP_LE: "is_at_most",
+        ca.OP_IF_ELSE_ZERO: "where",
     },
 }
 
@@ -55,7 +60,20 @@ INLINE lanes lanes_fmax(lanes x, lanes y) {
   choice first = (choice)(x > y) | (choice)(y != y);
   return (lanes)((first & (choice)x) | (~first & (choice)y));
 }
+INLINE double is_zero(double x) { return x == 0; }
+INLINE double is_less(double x, double y) { return x < y; }
+INLINE double is_at_most(double x, double y) { return x <= y; }
+INLINE double where(double x, double y) { return x ? y : 0.0; }
+INLINE lanes lanes_is_zero(lanes x) { return (lanes)((choice)(x == 0) & (choice)all(1.0)); }
+INLINE lanes lanes_is_less(lanes x, lanes y) {
+  return (lanes)((choice)(x < y) & (choice)all(1.0));
+}
+INLINE lanes lanes_is_at_most(lanes x, lanes y) {
+  return (lanes)((choice)(x <= y) & (choice)all(1.0));
+}
+INLINE lanes lanes_where(lanes x, lanes y) { return (lanes)((choice)(x != 0) & (choice)y); }
 """
+OF_VECTORS = {"fmax", "is_zero", "is_less", "is_at_most", "where"}  # written above
 
 
 def vectors() -> str:
@@ -63,10 +81,10 @@ def vectors() -> str:
     one = "INLINE lanes lanes_{0}(lanes x) {{ return (lanes){{{1}}}; }}"
     two = "INLINE lanes lanes_{0}(lanes x, lanes y) {{ return (lanes){{{1}}}; }}"
     lines = [VECTORS]
-    for name in CALLED[1].values():
+    for name in sorted(set(CALLED[1].values()) - OF_VECTORS):
         each = ", ".join(f"{name}(x[{i}])" for i in range(LANES))
         lines.append(one.format(name, each))
-    for name in sorted(set(CALLED[2].values()) - {"fmax"}):
+    for name in sorted(set(CALLED[2].values()) - OF_VECTORS):
         each = ", ".join(f"{name}(x[{i}], y[{i}])" for i in range(LANES))
         lines.append(two.format(name, each))
     return "\n".join([*lines, ""])

@@ -20,9 +20,10 @@ from jaxtyping import Float
 
 from .casadi import SX
 
-# Of the reach: planners do not know ranges to better than that, so theirs fades out, and beyond it
-# nearer is better.
-EDGE = 0.05
+EDGE = 0.05  # of the reach: planners do not know ranges to better than that, so theirs fades out
+# Share of ranges that planners count on from however far: where rounding leaves nothing of the
+# others, nearer is still better.
+FAINT = 1e-6
 SAME_DEPTH = 1e-6  # [m]; less apart, the speed of sound is that of one depth
 NUMBERS = 5  # of a law
 
@@ -98,17 +99,19 @@ def variance(law: Law, r2: Any) -> Any:
 def arrival(law: Law, r2: Any, *, edge: float = 0.0) -> Any:
     """Probability that a range arrives, by the squared range r2.
 
-    With an ``edge`` (of the reach) the reach fades out, as planners count on it.
+    With an ``edge`` (of the reach) the reach fades out, and a `FAINT` share arrives from beyond, as
+    planners count on it.
     """
     if not law.form.lossy:
         return 1.0
+    near = ca.exp(-np.log(2.0) * r2 * law.per_half_distance**2)
     within = r2 * law.per_reach**2
-    if edge:
-        reached = 1 / (1 + ca.exp(ca.fmin((ca.sqrt(within) - 1) / edge, 500.0)))
-        reached = ca.if_else(law.per_reach > 0, reached, 1.0)
-    else:
-        reached = ca.if_else(within <= 1, 1.0, 0.0)
-    return (1 - law.loss) * ca.exp(-np.log(2.0) * r2 * law.per_half_distance**2) * reached
+    if not edge:
+        return (1 - law.loss) * near * ca.if_else(within <= 1, 1.0, 0.0)
+    reached = 1 / (1 + ca.exp(ca.fmin((ca.sqrt(within) - 1) / edge, 500.0)))
+    near = near * ca.if_else(law.per_reach > 0, reached, 1.0)
+    faint = 1 / (1 + r2 * (law.per_half_distance**2 + law.per_reach**2))
+    return (1 - law.loss) * (near + FAINT * (faint - near))
 
 
 def expected_ranges(law: Law, r2: Any, pings: Any) -> tuple[Any, Any]:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from formulations.beam_search import search_manoeuvres, turn_candidates
-from formulations.model.covariance import Tracks
+from formulations.model.covariance import DEPTH, Tracks
 from formulations.model.schedule import Stages
 from formulations.solution import Status
 from obsplan.constraints import Constraints
@@ -20,13 +20,16 @@ from obsplan.planning.situation import Situation
 from obsplan.quantities import BEAM_WIDTH, BRANCHES, INTERVAL, STAGES
 from obsplan.types import Belief, Decision, Pose
 
+KNOWN_DEPTH = 1e-6  # [m]; beside an AUV that estimates its depth, another's has a log-determinant
+
 
 @dataclass(frozen=True)
 class InformationHorizon:
     """Search a tree of constant turns for the least predicted position covariance of the AUVs.
 
     Each AUV's own covariance is predicted along its route, with its process noise. Ranges come at
-    the pings, and their second-order error is counted (`formulations.model.covariance`). The tree
+    the pings, and their second-order error is counted (`formulations.model.covariance`). Where a
+    belief's covariance has a depth, that is part of the position. The tree
     has ``stages`` levels of ``turn_rates`` branches; a beam of ``beam_width`` is kept. Where pings
     are rare, a stage lasts from ping to ping and the horizon is that much longer.
 
@@ -86,20 +89,19 @@ class InformationHorizon:
 
     def _search(self, pose: Pose, auvs: Sequence[Belief], time: float) -> Decision:
         cna = self.situation.cna
-        covariance = np.array([auv.covariance for auv in auvs])
+        covariance, process_noise = believed(auvs)
         if not np.isfinite(covariance).all():
             return straight_on(cna, pose, Status.INVALID_INPUT, len(auvs))
         schedule = self.situation.schedule
         stages = schedule.stages(time, self.horizon, self.stages, len(auvs))
         state = np.array([pose.x, pose.y, pose.heading])
         turn_rates = self._candidates
-        noises = [auv.process_noise for auv in auvs]
         limits = LimitsAhead(self.situation, auvs) if self.constraints else None
         best = search_manoeuvres(
             state,
             covariance,
             tracks=predicted_tracks(auvs, stages, self.situation.transducer_depth),
-            process_noise=np.array(noises)[:, [0, 0, 1, 2]],
+            process_noise=process_noise,
             weights=np.array([auv.weight for auv in auvs], dtype=float),
             stages=stages,
             turn_rates=turn_rates,
@@ -125,6 +127,23 @@ class InformationHorizon:
             status=best.status,
             condition=nothing,
         )
+
+
+def believed(
+    auvs: Sequence[Belief],
+) -> tuple[Float[np.ndarray, "M n n"], Float[np.ndarray, "M n"]]:
+    """Covariances and process noises of the AUVs, with a depth where it is a state of any."""
+    noises = np.array([auv.process_noise for auv in auvs])[:, [0, 0, 1, 2]]
+    deep = [len(auv.covariance) > DEPTH for auv in auvs]
+    if not any(deep):
+        return np.array([auv.covariance for auv in auvs]), noises
+    P = np.zeros((len(auvs), DEPTH + 1, DEPTH + 1))
+    P[:, DEPTH, DEPTH] = KNOWN_DEPTH**2
+    for i, auv in enumerate(auvs):
+        n = len(auv.covariance)
+        P[i, :n, :n] = auv.covariance
+    depth_noise = np.array([auv.depth_noise for auv in auvs]) * deep
+    return P, np.column_stack([noises, depth_noise])
 
 
 def predicted_tracks(

@@ -222,7 +222,7 @@ class Trajectory:
             positions=positions,
             headings=headings,
             speeds=speeds,
-            covariance=np.array([auv.covariance for auv in auvs]),
+            covariance=np.array([auv.horizontal_covariance for auv in auvs]),
             process_noise=noise[:, [0, 0, 1, 2]],
             spread=np.hypot(margins(auvs), straying),
             weights=np.array([auv.weight for auv in auvs], dtype=float),
