@@ -22,7 +22,7 @@ from ..model.arcs import arc
 from ..model.casadi import SX, symbol
 from ..model.covariance import condition_on_range, pack, predict, unpack
 from ..model.quadrature import MIDDLE
-from ..model.ranging import Form, Law
+from ..model.ranging import NUMBERS, Form, law
 
 EIGENVALUE_GAP = 1e-3  # relative; rounds off the smallest eigenvalue where both are equal
 PACKED = 10  # entries of a packed covariance
@@ -35,7 +35,7 @@ class Shape(NamedTuple):
     stages: int
     auvs: int  # in the objective
     moving: bool
-    squared: bool  # ranges
+    form: Form  # of ranges
     neighbours: int  # AUVs to keep a distance from
     least: bool
     greatest: bool
@@ -74,7 +74,7 @@ def task_blocks(shape: Shape) -> dict[str, tuple[int, int]]:
         "radius": (1, 1),  # smallest, of a turn
         "slack_weight": (1, int(shape.limited)),
         "noise": (4, predicted),  # standard deviations
-        "sigma": (1, int(not gramian)),  # of a range
+        "law": (NUMBERS, int(not gramian)),  # numbers of the ranging's
         "unit": (1, int(not gramian)),  # of covariance
         "at_rest": (2, 0 if shape.moving else scored),
         "time": (1, int(gramian)),
@@ -108,9 +108,10 @@ def stage_blocks(shape: Shape) -> dict[str, tuple[int, int]]:
         "reach": (1, int(shape.slew)),
         "look": (1, int(shape.limited)),
         "margin": (3, int(shape.limited)),
-        "pings": (1, int(covariance)),
+        "pings": (1, shape.auvs if covariance else 0),
         "motion": (3, shape.auvs if covariance else 0),  # cos and sin of the heading, speed
         "there": (2, places * shape.auvs),
+        "height": (1, places * shape.auvs if shape.form.slant else 0),
         "neighbour": (2, 2 * shape.neighbours),  # at the look and the end
     }
 
@@ -173,11 +174,13 @@ def _covariances(z: SX, end: SX, s: dict[str, SX], g: dict[str, SX], shape: Shap
     Covariances are in units of ``unit``.
     """
     after = []
+    ranging = law(shape.form, g["law"])
     for i, packed in enumerate(ca.vertsplit(z, PACKED)):
         P = predict(unpack(packed), s["motion"][:, i], g["noise"][:, i], s["duration"])
         x = end[:2] - s["there"][:, i]
+        height = s["height"][i] if shape.form.slant else 0.0
         known = condition_on_range(
-            g["unit"] * P, x, law=Law(Form(shape.squared), g["sigma"]), pings=s["pings"]
+            g["unit"] * P, x, law=ranging, pings=s["pings"][i], height=height
         )
         after.append(pack(known) / g["unit"])
     return ca.vertcat(*after)

@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from ..metrics import EPS
 from ..model.covariance import motions, pack_array
+from ..model.ranging import Form
 from .expressions import Shape, stage_blocks, task_blocks
 from .program import Controls
 from .rollout import Path, gramians, rollout, scores
@@ -63,7 +64,7 @@ def _shape(task: Task, heard: Task, objective: str, *, moving: bool, neighbours:
         stages=len(task.durations),
         auvs=len(heard.weights),
         moving=moving and not covariance,  # which looks at the ends of stages alone
-        squared=task.ranging.squared and covariance,
+        form=task.ranging.form if covariance else Form(),
         neighbours=neighbours,
         least=separated and bool(task.least > 0),
         greatest=separated and bool(np.isfinite(task.greatest)),
@@ -89,8 +90,10 @@ def _flat(
 def chosen(task: Task, which: np.ndarray) -> Task:
     """The task of some of its AUVs."""
     return task._replace(
+        pings=task.pings[:, which],
         positions=task.positions[:, which],
         headings=task.headings[:, which],
+        heights=task.heights[:, which],
         speeds=task.speeds[:, which],
         covariance=task.covariance[which],
         process_noise=task.process_noise[which],
@@ -137,6 +140,7 @@ def _of_task(
         det = np.maximum(np.linalg.det(W), EPS)
         floor = FLOOR * np.stack([det, W[:, 0, 0] + W[:, 1, 1]], axis=-1)
     sharp = SHARP * unit * _square_range(heard, path)
+    blunt = task.ranging._replace(sigma=np.sqrt(max(task.ranging.sigma**2, sharp)))
     blocks = {
         "start": start,
         "weight": heard.weights / heard.weights.sum(),
@@ -144,7 +148,7 @@ def _of_task(
         "radius": np.array(task.min_turn_radius),
         "slack_weight": np.array(SLACK_WEIGHT),
         "noise": heard.process_noise / np.sqrt(unit),
-        "sigma": np.sqrt(max(task.ranging.sigma**2, sharp)),
+        "law": np.array(blunt.numbers),
         "unit": np.array(unit),
         "at_rest": heard.positions[len(heard.positions) // 2],
         "time": np.array(task.durations.sum()),
@@ -195,9 +199,10 @@ def _of_stages(task: Task, heard: Task, shape: Shape, near: np.ndarray) -> dict[
         "reach": np.zeros(shape.stages) if task.reach is None else task.reach,
         "look": looks,
         "margin": _margins(task, near),
-        "pings": task.pings,
+        "pings": heard.pings,
         "motion": motions(heard.headings, heard.speeds),
         "there": np.concatenate(places, axis=1),
+        "height": heard.heights[2::2],
         "neighbour": np.concatenate([looked, p2], axis=1),
     }
 

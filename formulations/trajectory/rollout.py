@@ -99,10 +99,10 @@ def traces(task: Task, path: Path) -> Float[np.ndarray, "K M"]:
     total = np.zeros(P.shape[:2])
     ends = path.poses[:, 2::2, :2]
     for k, (duration, pings) in enumerate(zip(task.durations, task.pings, strict=True)):
-        there = task.positions[2 * k + 2]
+        there, height = task.positions[2 * k + 2], task.heights[2 * k + 2]
         motion = motions(task.headings[k], task.speeds[k])
         P = predicted(P, motion, task.process_noise, float(duration))
-        P = conditioned(P, ends[:, k, None] - there, task.ranging, float(pings))
+        P = conditioned(P, ends[:, k, None] - there, task.ranging, pings, height)
         total += (P[..., 0, 0] + P[..., 1, 1]) * (duration / task.durations.sum())
     return total
 
