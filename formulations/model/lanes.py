@@ -29,6 +29,7 @@ CALLED = {
         ca.OP_SIN: "sin",
         ca.OP_COS: "cos",
         ca.OP_FABS: "fabs",
+        ca.OP_NOT: "is_zero",
     },
     2: {
         ca.OP_FMAX: "fmax",
@@ -36,6 +37,8 @@ CALLED = {
         ca.OP_POW: "pow",
         ca.OP_CONSTPOW: "pow",
         ca.OP_ATAN2: "atan2",
+        ca.OP_LT: "is_less",
+        ca.OP_IF_ELSE_ZERO: "if_else_zero",
     },
 }
 
@@ -49,6 +52,9 @@ VECTORS = """
 typedef double lanes __attribute__((vector_size(8 * LANES), may_alias));
 typedef int64_t choice __attribute__((vector_size(8 * LANES)));
 #define INLINE static inline __attribute__((always_inline))
+INLINE double is_zero(double x) { return !x; }
+INLINE double is_less(double x, double y) { return x < y; }
+INLINE double if_else_zero(double condition, double x) { return condition ? x : 0.0; }
 INLINE lanes all(double x) { return (lanes){x, x, x, x}; }
 /* as C's, not lane by lane: what is no number is never the greater */
 INLINE lanes lanes_fmax(lanes x, lanes y) {
