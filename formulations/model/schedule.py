@@ -54,6 +54,14 @@ class Schedule:
             quiet |= (times >= start) & (times <= stop)
         return times[~quiet]
 
+    def span(self, time: float, loud: float) -> float:
+        """How long it takes from a time on [s] until as long as ``loud`` [s] was not silent."""
+        end = time + loud
+        for start, stop in sorted(self.silent):
+            if start < end and stop > time:
+                end += stop - max(start, time)
+        return end - time
+
     def pings(self, ends: Float[np.ndarray, " ends"], auvs: int) -> Float[np.ndarray, "S {auvs}"]:
         """Number of ranges to each AUV in stages that begin and end at given times [s]."""
         pings = np.zeros((len(ends) - 1, auvs))

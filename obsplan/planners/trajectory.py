@@ -189,7 +189,8 @@ class Trajectory:
         """
         horizon = self.horizon
         if self.objective == "covariance":
-            horizon = max(horizon, LEAST_PINGS * self.situation.ping_interval)
+            least = LEAST_PINGS * self.situation.ping_interval
+            horizon = max(horizon, self.situation.schedule.span(time, least))
         interval = self.situation.decision_interval
         length = interval * max(1, round(horizon / self.stages / interval))
         durations = np.full(self.stages, length)
