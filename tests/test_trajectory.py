@@ -11,7 +11,7 @@ from scipy.integrate import quad_vec
 from scipy.linalg import expm
 from scipy.optimize import minimize
 
-from formulations.model.ranging import Ranging
+from formulations.model.ranging import Form, Ranging
 from formulations.solution import Status
 from formulations.trajectory import Controls, PathLimits, Task, convex_areas, freer_side, optimise
 from formulations.trajectory.expressions import Shape, limits
@@ -46,8 +46,9 @@ def task_of(
         "min_turn_radius": RADIUS,
         "durations": np.full(N, dt),
         "reach": None,
-        "pings": np.ones(N),
+        "pings": np.ones((N, M)),
         "positions": auvs + time[:, None, None] * v,
+        "heights": np.zeros((len(time), M)),
         "headings": np.broadcast_to(np.arctan2(v[:, 1], v[:, 0]), (N, M)).copy(),
         "speeds": np.broadcast_to(np.hypot(v[:, 0], v[:, 1]), (N, M)).copy(),
         "covariance": np.tile(np.diag([4.0, 1.0, 0.02, 0.05]), (M, 1, 1)),
@@ -185,8 +186,8 @@ def covariance_score(task, rates):
             grown = quad_vec(lambda t, A=A, Q=Q: expm(A * t) @ Q @ expm(A * t).T, 0.0, h)[0]
             P = expm(A * h) @ P @ expm(A * h).T + grown
             x = positions(task, rates, task.durations[: k + 1].sum()) - task.positions[2 * k + 2, i]
-            if task.pings[k]:
-                P = updated(P, x, task.ranging, task.pings[k])
+            if task.pings[k, i]:
+                P = updated(P, x, task.ranging, task.pings[k, i])
             total += weight * np.trace(P[:2, :2]) * h / task.durations.sum()
     return total
 
@@ -194,7 +195,7 @@ def covariance_score(task, rates):
 @pytest.mark.parametrize("squared", [False, True])
 def test_covariance_score_is_that_of_a_kalman_filter_with_the_second_order_error(squared):
     v = [[0.3, 0.2], [-0.4, 0.3]]
-    pings = np.array([1.0, 0.0, 2.0, 0.0, 1.0, 1.0])
+    pings = np.array([[1.0, 0.0, 2.0, 0.0, 1.0, 1.0], [0.0, 1.0, 2.0, 1.0, 0.0, 1.0]]).T
     weights = np.array([1.0, 3.0])
     task = task_of(
         (2.0, -3.0, 0.7),
@@ -330,7 +331,7 @@ def test_whole_path_keeps_within_every_limit_and_ends_where_it_can_turn_for_ever
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_circle_to_loiter_on_lies_on_the_side_that_is_told(side):
     """Of the disc about the place where the circle's centre has to lie, in complex numbers."""
-    shape = Shape("covariance", 1, 0, False, False, 0, False, False, 1, (), 0, False, False)
+    shape = Shape("covariance", 1, 0, False, Form(), 0, False, False, 1, (), 0, False, False)
     begin, turn_rate, duration = np.array([1.0, -2.0, 0.6]), 0.5, 1.3
     heading = begin[2] + turn_rate * duration
     end = complex(*begin[:2])

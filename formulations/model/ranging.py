@@ -20,10 +20,12 @@ from jaxtyping import Float
 
 from .casadi import SX
 
-EDGE = 0.05  # of the reach: planners do not know ranges to better than that, so theirs fades out
-# Share of ranges that planners count on from however far: where rounding leaves nothing of the
-# others, nearer is still better.
-FAINT = 1e-6
+# Of the reach: planners do not know ranges to better than that, so theirs fades out.
+EDGE = 0.05
+# Of the ranges that are lost by distance, the share that planners count on at least, less and less
+# of it as the distance grows: from afar every way would be as good as another, and so nearer is
+# better.
+AFAR = 0.01
 SAME_DEPTH = 1e-6  # [m]; less apart, the speed of sound is that of one depth
 NUMBERS = 5  # of a law
 
@@ -99,19 +101,19 @@ def variance(law: Law, r2: Any) -> Any:
 def arrival(law: Law, r2: Any, *, edge: float = 0.0) -> Any:
     """Probability that a range arrives, by the squared range r2.
 
-    With an ``edge`` (of the reach) the reach fades out, and a `FAINT` share arrives from beyond, as
-    planners count on it.
+    With an ``edge`` (of the reach) the reach fades out, as planners count on it, and a small share
+    (`AFAR`) comes from beyond, so that nearer is better from any distance.
     """
     if not law.form.lossy:
         return 1.0
-    near = ca.exp(-np.log(2.0) * r2 * law.per_half_distance**2)
     within = r2 * law.per_reach**2
+    near = ca.exp(-np.log(2.0) * r2 * law.per_half_distance**2)
     if not edge:
         return (1 - law.loss) * near * ca.if_else(within <= 1, 1.0, 0.0)
     reached = 1 / (1 + ca.exp(ca.fmin((ca.sqrt(within) - 1) / edge, 500.0)))
-    near = near * ca.if_else(law.per_reach > 0, reached, 1.0)
-    faint = 1 / (1 + r2 * (law.per_half_distance**2 + law.per_reach**2))
-    return (1 - law.loss) * (near + FAINT * (faint - near))
+    near *= ca.if_else(law.per_reach > 0, reached, 1.0)
+    far = AFAR * (1 - near) / (1 + ca.sqrt(r2) * (law.per_half_distance + law.per_reach))
+    return (1 - law.loss) * (near + far)
 
 
 def expected_ranges(law: Law, r2: Any, pings: Any) -> tuple[Any, Any]:

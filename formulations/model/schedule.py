@@ -54,6 +54,23 @@ class Schedule:
             quiet |= (times >= start) & (times <= stop)
         return times[~quiet]
 
+    def span(self, time: float, loud: float) -> float:
+        """How long it takes from a time on [s] until as long as ``loud`` [s] was not silent."""
+        end = time + loud
+        for start, stop in sorted(self.silent):
+            if start < end and stop > time:
+                end += stop - max(start, time)
+        return end - time
+
+    def pings(self, ends: Float[np.ndarray, " ends"], auvs: int) -> Float[np.ndarray, "S {auvs}"]:
+        """Number of ranges to each AUV in stages that begin and end at given times [s]."""
+        pings = np.zeros((len(ends) - 1, auvs))
+        for auv in range(auvs):
+            times = self.times(auv, float(ends[0]), float(ends[-1]))
+            stage = np.searchsorted(ends[1:-1], times - ROUNDING * self.interval)
+            np.add.at(pings[:, auv], stage, 1.0)
+        return pings
+
     def stages(self, time: float, horizon: float, count: int, auvs: int) -> Stages:
         """Cut a horizon [s] from a time [s] on into stages that end at ranges.
 
@@ -71,8 +88,7 @@ class Schedule:
         """Stages that end at the last range within a length, or else at the next one."""
         quiet = sum(stop - start for start, stop in self.silent)
         end = time + 2 * count * (length + self.interval) + quiet
-        of_each = [self.times(auv, time, end) for auv in range(auvs)]
-        ranges = np.unique(np.concatenate(of_each))
+        ranges = np.unique(np.concatenate([self.times(auv, time, end) for auv in range(auvs)]))
         ends = [time]
         while len(ends) <= count:
             later = ranges[ranges > ends[-1] + ROUNDING * self.interval]
@@ -81,11 +97,7 @@ class Schedule:
                 continue
             near = later[later <= ends[-1] + length]
             ends.append(float(near[-1] if near.size else later[0]))
-        pings = np.zeros((count, auvs))
-        for auv, times in enumerate(of_each):
-            stage = np.searchsorted(np.array(ends[1:]), times - ROUNDING * self.interval)
-            np.add.at(pings[:, auv], stage[stage < count], 1.0)
-        return Stages(np.diff(ends), pings)
+        return Stages(np.diff(ends), self.pings(np.array(ends), auvs))
 
 
 def time_to_next(time: Any, interval: float) -> Any:

@@ -5,7 +5,8 @@ accumulates:
 
 - AUVs at rest: the moments ∫(p, p pᵀ) of the aid vehicle's own position, which every AUV's Gramian
   is a polynomial of;
-- AUVs that move: ∫ p pᵀ of the position relative to each;
+- AUVs that move, or whose ranges count the less the farther they are: ∫ w p pᵀ of the position
+  relative to each (`.share`);
 - ``covariance``: the packed lower triangle of each AUV's 4 x 4 covariance.
 
 Controls are the turn rate, the speed where it is free, and the slack by which the limits are
@@ -22,7 +23,8 @@ from ..model.arcs import arc
 from ..model.casadi import SX, symbol
 from ..model.covariance import condition_on_range, pack, predict, unpack
 from ..model.quadrature import MIDDLE
-from ..model.ranging import Form, Law
+from ..model.ranging import NUMBERS, Form, law
+from .share import counts, share
 
 EIGENVALUE_GAP = 1e-3  # relative; rounds off the smallest eigenvalue where both are equal
 PACKED = 10  # entries of a packed covariance
@@ -34,8 +36,8 @@ class Shape(NamedTuple):
     objective: str
     stages: int
     auvs: int  # in the objective
-    moving: bool
-    squared: bool  # ranges
+    moving: bool  # AUVs that a Gramian is of, or all whose ranges count by distance
+    form: Form  # of ranges
     neighbours: int  # AUVs to keep a distance from
     least: bool
     greatest: bool
@@ -74,7 +76,7 @@ def task_blocks(shape: Shape) -> dict[str, tuple[int, int]]:
         "radius": (1, 1),  # smallest, of a turn
         "slack_weight": (1, int(shape.limited)),
         "noise": (4, predicted),  # standard deviations
-        "sigma": (1, int(not gramian)),  # of a range
+        "law": (NUMBERS, int(not gramian or counts(shape.form))),  # numbers of the ranging's
         "unit": (1, int(not gramian)),  # of covariance
         "at_rest": (2, 0 if shape.moving else scored),
         "time": (1, int(gramian)),
@@ -108,9 +110,10 @@ def stage_blocks(shape: Shape) -> dict[str, tuple[int, int]]:
         "reach": (1, int(shape.slew)),
         "look": (1, int(shape.limited)),
         "margin": (3, int(shape.limited)),
-        "pings": (1, int(covariance)),
+        "pings": (1, shape.auvs if covariance else 0),
         "motion": (3, shape.auvs if covariance else 0),  # cos and sin of the heading, speed
         "there": (2, places * shape.auvs),
+        "height": (1, places * shape.auvs if shape.form.slant else 0),
         "neighbour": (2, 2 * shape.neighbours),  # at the look and the end
     }
 
@@ -139,15 +142,18 @@ def dynamics(x: SX, u: SX, s: dict[str, SX], g: dict[str, SX], shape: Shape) -> 
     if shape.objective == "covariance":
         return ca.vertcat(end, *held, _covariances(z, end, s, g, shape))
     middle = moved(x, u, shape, s["duration"] / 2)
-    return ca.vertcat(end, *held, _moments(z, (x[:3], middle, end), s, shape))
+    return ca.vertcat(end, *held, _moments(z, (x[:3], middle, end), s, g, shape))
 
 
-def _moments(z: SX, poses: tuple[SX, SX, SX], s: dict[str, SX], shape: Shape) -> SX:
+def _moments(
+    z: SX, poses: tuple[SX, SX, SX], s: dict[str, SX], g: dict[str, SX], shape: Shape
+) -> SX:
     """Add a stage's integrals by Simpson's rule."""
     if shape.moving:
         places = ca.horzsplit(s["there"], shape.auvs)
-        pairs = zip(poses, places, strict=True)
-        f0, f1, f2 = (_relative_products(pose, place) for pose, place in pairs)
+        heights = ca.horzsplit(s["height"], shape.auvs) if shape.form.slant else [0.0] * 3
+        at = zip(poses, places, heights, strict=True)
+        f0, f1, f2 = (_relative_products(*each, g, shape) for each in at)
     else:
         f0, f1, f2 = (_own_products(pose) for pose in poses)
     first, middle, last = MIDDLE.tolist()
@@ -160,11 +166,17 @@ def _own_products(pose: SX) -> SX:
     return ca.vertcat(east, north, east**2, east * north, north**2)
 
 
-def _relative_products(pose: SX, there: SX) -> SX:
-    """Products of the position relative to each AUV."""
+def _relative_products(
+    pose: SX, there: SX, height: SX | float, g: dict[str, SX], shape: Shape
+) -> SX:
+    """Products of the position relative to each AUV, as far as its ranges count."""
     p = ca.repmat(pose[:2], 1, there.shape[1]) - there
     east, north = p[0, :], p[1, :]
-    return ca.vec(ca.vertcat(east**2, east * north, north**2))
+    products = ca.vertcat(east**2, east * north, north**2)
+    if counts(shape.form):
+        counted = share(law(shape.form, g["law"]), east**2 + north**2 + height**2)
+        products *= ca.repmat(counted, 3, 1)
+    return ca.vec(products)
 
 
 def _covariances(z: SX, end: SX, s: dict[str, SX], g: dict[str, SX], shape: Shape) -> SX:
@@ -173,11 +185,13 @@ def _covariances(z: SX, end: SX, s: dict[str, SX], g: dict[str, SX], shape: Shap
     Covariances are in units of ``unit``.
     """
     after = []
+    ranging = law(shape.form, g["law"])
     for i, packed in enumerate(ca.vertsplit(z, PACKED)):
         P = predict(unpack(packed), s["motion"][:, i], g["noise"][:, i], s["duration"])
         x = end[:2] - s["there"][:, i]
+        height = s["height"][i] if shape.form.slant else 0.0
         known = condition_on_range(
-            g["unit"] * P, x, law=Law(Form(shape.squared), g["sigma"]), pings=s["pings"]
+            g["unit"] * P, x, law=ranging, pings=s["pings"][i], height=height
         )
         after.append(pack(known) / g["unit"])
     return ca.vertcat(*after)

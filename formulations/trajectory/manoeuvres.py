@@ -74,7 +74,7 @@ def _searched(task: Task, violation: Violation | None) -> Float[np.ndarray, " N"
 def _stages(task: Task, groups: list[np.ndarray]) -> Stages:
     """Groups of stages, each taken as one."""
     duration = [task.durations[group].sum() for group in groups]
-    pings = [task.pings[group].sum() for group in groups]
+    pings = [task.pings[group].sum(axis=0) for group in groups]
     return Stages(np.array(duration), np.array(pings))
 
 
@@ -87,5 +87,10 @@ def _tracks(task: Task, groups: list[np.ndarray]) -> Tracks:
     for group in groups:
         means.append(np.average(velocity[group], axis=0, weights=task.durations[group]))
     east, north = np.moveaxis(np.stack(means), -1, 0)
-    position = task.positions[2 * ends + 2]
-    return Tracks(position, np.arctan2(north, east), np.hypot(east, north))
+    last = 2 * ends + 2
+    return Tracks(
+        task.positions[last],
+        np.arctan2(north, east),
+        np.hypot(east, north),
+        task.heights[last],
+    )

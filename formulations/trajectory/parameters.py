@@ -7,9 +7,11 @@ from jaxtyping import Float
 
 from ..metrics import EPS
 from ..model.covariance import motions, pack_array
+from ..model.ranging import Form
 from .expressions import Shape, stage_blocks, task_blocks
 from .program import Controls
 from .rollout import Path, gramians, rollout, scores
+from .share import counts
 from .task import Task
 
 # Of the aid vehicle's way: AUVs that move less over the horizon are at rest for the program.
@@ -63,7 +65,7 @@ def _shape(task: Task, heard: Task, objective: str, *, moving: bool, neighbours:
         stages=len(task.durations),
         auvs=len(heard.weights),
         moving=moving and not covariance,  # which looks at the ends of stages alone
-        squared=task.ranging.squared and covariance,
+        form=_form(task, objective),
         neighbours=neighbours,
         least=separated and bool(task.least > 0),
         greatest=separated and bool(np.isfinite(task.greatest)),
@@ -73,6 +75,14 @@ def _shape(task: Task, heard: Task, objective: str, *, moving: bool, neighbours:
         slew=task.reach is not None,
         free_speed=task.speed[0] < task.speed[1],
     )
+
+
+def _form(task: Task, objective: str) -> Form:
+    """What the program has of the ranging's law; Gramians have what makes ranges count less."""
+    form = task.ranging.form
+    if objective == "covariance":
+        return form
+    return form._replace(squared=False) if counts(form) else Form()
 
 
 def _flat(
@@ -89,8 +99,10 @@ def _flat(
 def chosen(task: Task, which: np.ndarray) -> Task:
     """The task of some of its AUVs."""
     return task._replace(
+        pings=task.pings[:, which],
         positions=task.positions[:, which],
         headings=task.headings[:, which],
+        heights=task.heights[:, which],
         speeds=task.speeds[:, which],
         covariance=task.covariance[which],
         process_noise=task.process_noise[which],
@@ -100,9 +112,9 @@ def chosen(task: Task, which: np.ndarray) -> Task:
 
 
 def _counted(heard: Task, path: Path, objective: str) -> tuple[Task, bool]:
-    """The AUVs that the program counts, and whether they move."""
+    """The AUVs that the program counts, and whether it keeps states of each."""
     way = np.linalg.norm(heard.positions - heard.positions[:1], axis=-1).max()
-    moving = bool(way > AT_REST * heard.durations.sum())
+    moving = bool(way > AT_REST * heard.durations.sum()) or counts(heard.ranging.form)
     if len(heard.weights) <= MOST_AUVS or (objective != "covariance" and not moving):
         return heard, moving
     score = scores(heard, path, objective)[0]
@@ -136,7 +148,10 @@ def _of_task(
         W = gramians(heard, path)[0]
         det = np.maximum(np.linalg.det(W), EPS)
         floor = FLOOR * np.stack([det, W[:, 0, 0] + W[:, 1, 1]], axis=-1)
-    sharp = SHARP * unit * _square_range(heard, path)
+    ranging = task.ranging
+    if shape.objective == "covariance":
+        sharp = SHARP * unit * _square_range(heard, path)
+        ranging = ranging._replace(sigma=np.sqrt(max(ranging.sigma**2, sharp)))
     blocks = {
         "start": start,
         "weight": heard.weights / heard.weights.sum(),
@@ -144,7 +159,7 @@ def _of_task(
         "radius": np.array(task.min_turn_radius),
         "slack_weight": np.array(SLACK_WEIGHT),
         "noise": heard.process_noise / np.sqrt(unit),
-        "sigma": np.sqrt(max(task.ranging.sigma**2, sharp)),
+        "law": np.array(ranging.numbers),
         "unit": np.array(unit),
         "at_rest": heard.positions[len(heard.positions) // 2],
         "time": np.array(task.durations.sum()),
@@ -186,7 +201,10 @@ def _of_stages(task: Task, heard: Task, shape: Shape, near: np.ndarray) -> dict[
     """Blocks of all stages, the stages first, each block by columns."""
     looks = _looks(task)
     start, middle, end = _thirds(heard.positions)
-    places = [end] if shape.objective == "covariance" else [start, middle, end]
+    at_start, at_middle, at_end = _thirds(heard.heights)
+    places, heights = [start, middle, end], [at_start, at_middle, at_end]
+    if shape.objective == "covariance":
+        places, heights = [end], [at_end]
     f = (looks / task.durations)[:, None, None]
     p0, p1, p2 = _thirds(task.positions[:, near])
     looked = p0 * (1 - f) * (1 - 2 * f) + p1 * 4 * f * (1 - f) + p2 * f * (2 * f - 1)  # parabola
@@ -195,18 +213,19 @@ def _of_stages(task: Task, heard: Task, shape: Shape, near: np.ndarray) -> dict[
         "reach": np.zeros(shape.stages) if task.reach is None else task.reach,
         "look": looks,
         "margin": _margins(task, near),
-        "pings": task.pings,
+        "pings": heard.pings,
         "motion": motions(heard.headings, heard.speeds),
         "there": np.concatenate(places, axis=1),
+        "height": np.concatenate(heights, axis=1),
         "neighbour": np.concatenate([looked, p2], axis=1),
     }
 
 
 def _thirds(
-    positions: Float[np.ndarray, "T M 2"],
+    values: Float[np.ndarray, "T M *rest"],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions at the beginning, in the middle and at the end of each stage."""
-    return positions[:-1:2], positions[1::2], positions[2::2]
+    """Values of the AUVs at the beginning, in the middle and at the end of each stage."""
+    return values[:-1:2], values[1::2], values[2::2]
 
 
 def _looks(task: Task) -> Float[np.ndarray, " N"]:

@@ -3,11 +3,18 @@ r"""Follow sequences of turns and say what they are worth: many at once, in the 
 Gramian objectives are of the position block of the squared range's Gramian (thesis 4.1), the aid
 vehicle's own heading being known,
 
-.. math:: W_i = 4 \int_0^T p_i p_i^\top dt, \qquad p_i(t) = \text{aid vehicle} - \text{AUV } i,
+.. math:: W_i = 4 \int_0^T w(r_i) \, p_i p_i^\top dt, \qquad
+          p_i(t) = \text{aid vehicle} - \text{AUV } i,
 
-by Simpson's rule on each stage. W grows with distance: give these objectives a greatest separation.
+by Simpson's rule on each stage. The share w is that of `formulations.trajectory.share`: where the
+error does not grow with distance and no range is lost it is 1, and W grows with distance: give
+these objectives a greatest separation then. Of heights the squared range's gradient knows nothing:
+they count in the share alone. W counts time, and neither the standard deviation at no distance nor
+intervals, slots or silences: the schedule does not enter.
+
 The ``covariance`` objective is the time mean of the trace of each AUV's predicted position
-covariance, ranges coming at the pings (`formulations.model.covariance`).
+covariance, ranges coming at the pings of each AUV and erring, coming over a height and being lost
+as the task's ranging says (`formulations.model.covariance`). A depth counts as known.
 """
 
 from typing import NamedTuple
@@ -19,6 +26,7 @@ from ..metrics import EPS
 from ..model import arcs as exact
 from ..model.covariance import conditioned, motions, predicted
 from ..model.quadrature import MIDDLE
+from .share import counts, shares
 from .task import Task
 
 
@@ -61,10 +69,21 @@ def gramians(task: Task, path: Path) -> Float[np.ndarray, "K M 2 2"]:
     y = path.poses[:, :, 1, None] - task.positions[..., 1]
     weights = simpson_weights(task.durations)
     W = np.empty((len(x), x.shape[-1], 2, 2))
-    W[..., 0, 0] = np.tensordot(weights, x * x, axes=(0, 1))
-    W[..., 0, 1] = W[..., 1, 0] = np.tensordot(weights, x * y, axes=(0, 1))
-    W[..., 1, 1] = np.tensordot(weights, y * y, axes=(0, 1))
+    counted_x, counted_y = x, y
+    if counts(task.ranging.form):
+        share = _shares(task, x**2 + y**2)
+        counted_x, counted_y = share * x, share * y
+    W[..., 0, 0] = np.tensordot(weights, counted_x * x, axes=(0, 1))
+    W[..., 0, 1] = W[..., 1, 0] = np.tensordot(weights, counted_x * y, axes=(0, 1))
+    W[..., 1, 1] = np.tensordot(weights, counted_y * y, axes=(0, 1))
     return W
+
+
+def _shares(task: Task, horizontal2: Float[np.ndarray, "K T M"]) -> Float[np.ndarray, "K T M"]:
+    """What counts of ranges, by their squared horizontal distances."""
+    if not task.ranging.slant:
+        return shares(task.ranging, horizontal2)
+    return shares(task.ranging, horizontal2 + task.heights**2)
 
 
 def gramian_scores(W: Float[np.ndarray, "K M 2 2"], objective: str) -> Float[np.ndarray, "K M"]:
@@ -99,10 +118,10 @@ def traces(task: Task, path: Path) -> Float[np.ndarray, "K M"]:
     total = np.zeros(P.shape[:2])
     ends = path.poses[:, 2::2, :2]
     for k, (duration, pings) in enumerate(zip(task.durations, task.pings, strict=True)):
-        there = task.positions[2 * k + 2]
+        there, height = task.positions[2 * k + 2], task.heights[2 * k + 2]
         motion = motions(task.headings[k], task.speeds[k])
         P = predicted(P, motion, task.process_noise, float(duration))
-        P = conditioned(P, ends[:, k, None] - there, task.ranging, float(pings))
+        P = conditioned(P, ends[:, k, None] - there, task.ranging, pings, height)
         total += (P[..., 0, 0] + P[..., 1, 1]) * (duration / task.durations.sum())
     return total
 

@@ -15,10 +15,10 @@ OBJECTIVES = ("covariance", "log-det", "smallest-eigenvalue", "condition-number"
 class Task(NamedTuple):
     """One planning problem of N stages and M AUVs; ``None`` where something is not limited.
 
-    Positions of AUVs are given at the 2N + 1 ends and middles of the stages. AUVs of weight 0 count
-    for separations alone. ``reach`` is the largest change of turn rate at the beginning of each
-    stage, ``spread`` how far an AUV may stray from its expected position before the path can
-    answer.
+    Positions and heights of AUVs are given at the 2N + 1 ends and middles of the stages. AUVs of
+    weight 0 count for separations alone. ``reach`` is the largest change of turn rate at the
+    beginning of each stage, ``spread`` how far an AUV may stray from its expected position before
+    the path can answer.
     """
 
     pose: Float[np.ndarray, "3"]  # of the aid vehicle: east, north [m], heading [rad]
@@ -27,8 +27,10 @@ class Task(NamedTuple):
     min_turn_radius: float  # [m]
     durations: Float[np.ndarray, " N"]  # of the stages [s]
     reach: Float[np.ndarray, " N"] | None  # [rad/s]
-    pings: Float[np.ndarray, " N"]  # number of ranges to each AUV at the end of each stage
+    pings: Float[np.ndarray, "N M"]  # number of ranges to each AUV at the end of each stage
     positions: Float[np.ndarray, "T M 2"]  # of the AUVs [m]
+    # from each AUV's transducer up to the aid vehicle's [m]; counts where ranges are slant
+    heights: Float[np.ndarray, "T M"]
     headings: Float[np.ndarray, "N M"]  # of the AUVs during each stage [rad]
     speeds: Float[np.ndarray, "N M"]  # of the AUVs through the water [m/s]
     covariance: Float[np.ndarray, "M 4 4"]  # of each AUV's state now
@@ -74,15 +76,14 @@ def in_body_frame(task: Task) -> Task:
         greatest=task.greatest / length,
     )
     unit = np.array([1 / length, 1 / length, 1.0, time / length])  # of the state
-    squared = task.ranging.squared
-    sigma = task.ranging.sigma / (length**2 if squared else length)
     return vehicle._replace(
         positions=frame.positions(task.positions),
+        heights=task.heights / length,
         headings=task.headings - task.pose[2],
         speeds=task.speeds * time / length,
         covariance=frame.covariances(task.covariance, time),
         process_noise=task.process_noise * unit * np.sqrt(time),
         spread=task.spread / length,
         weights=task.weights / task.weights.sum(),
-        ranging=Ranging(sigma, squared),
+        ranging=task.ranging.scaled(length),
     )

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-from formulations.model.schedule import ROUNDING, intervals, time_to_next
+from formulations.model.schedule import ROUNDING, time_to_next
 from formulations.solution import Solution, Status
 from formulations.trajectory import (
     Areas,
@@ -150,7 +150,7 @@ class Trajectory:
         task = self._task(pose, auvs, time, durations)
         if not all(
             np.isfinite(part).all()
-            for part in (task.positions, task.covariance, task.process_noise)
+            for part in (task.positions, task.heights, task.covariance, task.process_noise)
         ):
             self._memory.clear()
             return straight_on(self.situation.cna, pose, Status.INVALID_INPUT, len(auvs))
@@ -189,7 +189,8 @@ class Trajectory:
         """
         horizon = self.horizon
         if self.objective == "covariance":
-            horizon = max(horizon, LEAST_PINGS * self.situation.ping_interval)
+            least = LEAST_PINGS * self.situation.ping_interval
+            horizon = max(horizon, self.situation.schedule.span(time, least))
         interval = self.situation.decision_interval
         length = interval * max(1, round(horizon / self.stages / interval))
         durations = np.full(self.stages, length)
@@ -210,7 +211,7 @@ class Trajectory:
         noise = np.array([auv.process_noise for auv in auvs])
         growth = noise[:, 0] + durations[-1] * (speeds.max(axis=0) * noise[:, 1] + noise[:, 2])
         straying = SURE * growth * np.sqrt(durations[-1])
-        pings = np.diff(intervals(time + ends, self.situation.ping_interval))
+        heights = [auv.depth - self.situation.transducer_depth for auv in auvs]
         return Task(
             pose=np.array([pose.x, pose.y, pose.heading]),
             turn_rate=pose.turn_rate,
@@ -218,8 +219,9 @@ class Trajectory:
             min_turn_radius=cna.min_turn_radius,
             durations=durations,
             reach=self._reach(),
-            pings=pings,
+            pings=self.situation.schedule.pings(time + ends, len(auvs)),
             positions=positions,
+            heights=np.tile(heights, (len(times), 1)),
             headings=headings,
             speeds=speeds,
             covariance=np.array([auv.horizontal_covariance for auv in auvs]),
