@@ -29,6 +29,7 @@ CALLED = {
         ca.OP_SIN: "sin",
         ca.OP_COS: "cos",
         ca.OP_FABS: "fabs",
+        ca.OP_NOT: "is_zero",
     },
     2: {
         ca.OP_FMAX: "fmax",
@@ -36,6 +37,13 @@ CALLED = {
         ca.OP_POW: "pow",
         ca.OP_CONSTPOW: "pow",
         ca.OP_ATAN2: "atan2",
+        ca.OP_LT: "is_less",
+        ca.OP_LE: "is_at_most",
+        ca.OP_EQ: "is_equal",
+        ca.OP_NE: "is_other",
+        ca.OP_AND: "both",
+        ca.OP_OR: "either",
+        ca.OP_IF_ELSE_ZERO: "or_zero",
     },
 }
 
@@ -50,6 +58,14 @@ typedef double lanes __attribute__((vector_size(8 * LANES), may_alias));
 typedef int64_t choice __attribute__((vector_size(8 * LANES)));
 #define INLINE static inline __attribute__((always_inline))
 INLINE lanes all(double x) { return (lanes){x, x, x, x}; }
+INLINE double is_zero(double x) { return !x; }
+INLINE double is_less(double x, double y) { return x < y; }
+INLINE double is_at_most(double x, double y) { return x <= y; }
+INLINE double is_equal(double x, double y) { return x == y; }
+INLINE double is_other(double x, double y) { return x != y; }
+INLINE double both(double x, double y) { return x && y; }
+INLINE double either(double x, double y) { return x || y; }
+INLINE double or_zero(double x, double y) { return x ? y : 0; }
 /* as C's, not lane by lane: what is no number is never the greater */
 INLINE lanes lanes_fmax(lanes x, lanes y) {
   choice first = (choice)(x > y) | (choice)(y != y);

@@ -80,6 +80,6 @@ def _of_one_range(form: Form) -> ca.Function:
     x, numbers, height = symbol("x", 2), symbol("law", NUMBERS), symbol("height")
     ranging = law(form, numbers)
     r2 = ca.sumsqr(x) + (height**2 if form.slant else 0)
-    error = variance(ranging, r2) / (4 if form.squared else r2)
+    error = variance(ranging, r2) * (0.25 if form.squared else r2)
     told = arrival(ranging, r2, edge=EDGE) * x @ x.T / error
     return ca.Function("of_one_range", [x, numbers, height], [told])

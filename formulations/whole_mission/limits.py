@@ -28,8 +28,8 @@ class Limits:
     def __bool__(self) -> bool:
         """Whether there are any."""
         least, greatest = self.problem.separation
-        apart = len(self.problem.vehicles) > 1 and (least > 0 or greatest < np.inf)
-        return apart or any(vehicle.violation for vehicle in self.problem.vehicles)
+        apart = len(self.problem.vehicles) > 1 and bool(least > 0 or greatest < np.inf)
+        return apart or bool(self._limited)
 
     def worst(self, x: Paths) -> float:
         """How far any sample breaks a limit [m], at least 0."""
