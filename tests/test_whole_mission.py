@@ -8,14 +8,16 @@ import pytest
 from oracles import arc
 
 from formulations.model.ranging import Ranging
+from formulations.model.schedule import Schedule
 from formulations.solution import Status
-from formulations.whole_mission import Problem, optimise
+from formulations.whole_mission import AidVehicle, Problem, optimise
 from formulations.whole_mission.covariance import PredictedVariance
 from formulations.whole_mission.path import Turns
 from formulations.whole_mission.search import Candidate, Objective, rank
 from formulations.whole_mission.starts import starts
 
 RNG = np.random.default_rng
+OF_VEHICLE = ("start", "max_turn_rate", "ranging", "schedule", "violation", "margin")
 
 
 def mission(*, steps=60, auvs=2, every=5, squared=False, seed=0, **change):
@@ -27,6 +29,15 @@ def mission(*, steps=60, auvs=2, every=5, squared=False, seed=0, **change):
         rng.uniform(0.5, 1.5, (steps + 1, auvs)),
     )
     moves = 0.5 * speed[:-1, :, None] * heading[:-1]
+    step = change.get("time_step", 0.5)
+    vehicle = {
+        "start": np.array([-30.0, 5.0, 0.3]),
+        "speed": change.pop("cna_speed", 2.0),
+        "max_turn_rate": 0.3,
+        "ranging": Ranging(30.0 if squared else 1.0, squared),
+        "schedule": Schedule(interval=every * step),
+    }
+    own = {name: change.pop(name) for name in OF_VEHICLE if name in change}
     given = {
         "time_step": 0.5,
         "position": rng.normal(0, 10, (auvs, 2))
@@ -37,21 +48,18 @@ def mission(*, steps=60, auvs=2, every=5, squared=False, seed=0, **change):
         "process_noise": np.tile([0.1, 0.1, 0.01, 0.03], (auvs, 1)),
         "weights": np.arange(1.0, auvs + 1) / np.arange(1.0, auvs + 1).sum(),
         "compass": 0.02,
-        "ranging": Ranging(30.0 if squared else 1.0, squared),
-        "pings": np.arange(every, steps + 1, every),
-        "ping_every": every,
-        "start": np.array([-30.0, 5.0, 0.3]),
-        "cna_speed": 2.0,
-        "max_turn_rate": 0.3,
+        "vehicles": (AidVehicle(**{**vehicle, **own}),),
     }
     return Problem(**{**given, **change})
 
 
 def followed(m, w, hold):
-    """Poses at all samples, arc by arc in complex numbers."""
-    poses = [m.start]
+    """Poses of the one vehicle at all samples, arc by arc in complex numbers."""
+    (vehicle,) = m.vehicles
+    poses = [vehicle.start]
     for k in range(m.steps):
-        poses.append(arc(poses[-1], w[k // hold] * m.max_turn_rate, m.cna_speed, m.time_step))
+        turn = w[k // hold] * vehicle.max_turn_rate
+        poses.append(arc(poses[-1], turn, vehicle.speed, m.time_step))
     return np.array(poses)
 
 
@@ -59,6 +67,7 @@ def filtered(m, x):
     """Position variance of each AUV at every sample, before and after its ranges: the filter sample by sample, in information form."""
     before, after = [], []
     P, dt = m.covariance.copy(), m.time_step
+    ranging, ((pings, *_),) = m.vehicles[0].ranging, m.pings
     for k in range(1, m.steps + 1):
         for i in range(len(P)):
             (c, s), v = m.heading[k - 1, i], m.speed[k - 1, i]
@@ -67,17 +76,17 @@ def filtered(m, x):
             P[i] = F @ P[i] @ F.T + np.diag(m.process_noise[i] ** 2 * dt)
             P[i] = np.linalg.inv(np.linalg.inv(P[i]) + np.diag([0, 0, m.compass**-2, 0]))
         before.append(np.trace(P[:, :2, :2], axis1=1, axis2=2))
-        for i in range(len(P)) if k in m.pings else ():
+        for i in range(len(P)) if k in pings else ():
             away = x[k] - m.position[k, i]
             d = math.hypot(*away)
-            if m.ranging.squared:  # of |away + e|^2 - |away|^2 - 2 away.e = |e|^2, the mean square
+            if ranging.squared:  # of |away + e|^2 - |away|^2 - 2 away.e = |e|^2, the mean square
                 second = np.trace(P[i, :2, :2]) ** 2 + 2 * np.trace(P[i, :2, :2] @ P[i, :2, :2])
-                H, R = 2 * away, m.ranging.sigma**2 + second
+                H, R = 2 * away, ranging.sigma**2 + second
             else:
                 across = np.array([-away[1], away[0]]) / d
                 H, R = (
                     away / d,
-                    m.ranging.sigma**2 + 3 * (across @ P[i, :2, :2] @ across / (2 * d)) ** 2,
+                    ranging.sigma**2 + 3 * (across @ P[i, :2, :2] @ across / (2 * d)) ** 2,
                 )
             H = np.array([*H, 0.0, 0.0])
             P[i] = np.linalg.inv(np.linalg.inv(P[i]) + np.outer(H, H) / R)
@@ -98,7 +107,7 @@ def test_mean_variance_is_that_of_the_filter_sample_by_sample(squared, every):
     m = mission(squared=squared, every=every)
     w = RNG(1).uniform(-1, 1, 30)
     x = followed(m, w, 2)[:, :2]
-    value, _ = PredictedVariance(m)(x[m.stages.end])
+    value, _ = PredictedVariance(m)(x[m.stages.end, None])
     # Simpson's rule against the trapezoid's: the variance between ranges bends by less than 1 % of itself over a sample
     assert value == pytest.approx(mean_variance(m, x), rel=1e-3)
 
@@ -109,7 +118,7 @@ def test_covariance_before_the_last_range_is_the_filters_to_rounding():
     last_moment = np.zeros_like(m.stages.share)
     last_moment[-1, 2] = 1.0  # nothing counts but the end of the last stage
     m.__dict__["stages"] = m.stages._replace(share=last_moment)
-    assert PredictedVariance(m)(x[m.stages.end])[0] == pytest.approx(
+    assert PredictedVariance(m)(x[m.stages.end, None])[0] == pytest.approx(
         filtered(m, x)[0][-1, 0], rel=1e-10
     )
 
@@ -119,25 +128,27 @@ def test_many_ranges_taken_together_tell_nearly_as_much_as_one_by_one():
         None
     ]  # one by one, ranges do not share their second-order error
     m = mission(steps=2000, every=2, auvs=1, time_step=0.05, max_turn_rate=0.2, covariance=sure)
-    assert len(m.stages.end) < 400 < len(m.pings)
-    assert m.stages.pings.sum() == len(m.pings)
+    assert len(m.stages.end) < 400 < len(m.pings[0][0])
+    assert m.stages.pings.sum() == len(m.pings[0][0])
     x = followed(m, np.full(2000, 0.8), 1)[:, :2]
-    assert PredictedVariance(m)(x[m.stages.end])[0] == pytest.approx(mean_variance(m, x), rel=0.01)
+    assert PredictedVariance(m)(x[m.stages.end, None])[0] == pytest.approx(
+        mean_variance(m, x), rel=0.01
+    )
 
 
 def test_path_is_on_exact_arcs():
     m = mission()
     w = RNG(3).uniform(-1, 1, 9)
-    np.testing.assert_allclose(Turns(m, 7).poses(w), followed(m, w, 7), atol=1e-11)
+    np.testing.assert_allclose(Turns(m, 7).poses(w)[0], followed(m, w, 7), atol=1e-11)
 
 
 @pytest.mark.parametrize("hold", [1, 7])
 @pytest.mark.parametrize("limited", [False, True])
 def test_gradient_is_the_difference_quotient(hold, limited):
-    m = mission()
-    turns = Turns(m, hold)
     out = (lambda x, _: 20.0 - np.hypot(x[..., 0], x[..., 1])) if limited else None
-    objective = Objective(turns, PredictedVariance(m), out, 5.0)
+    m = mission(violation=out, margin=5.0)
+    turns = Turns(m, hold)
+    objective = Objective(turns)
     w = RNG(4).uniform(-1, 1, turns.count) * (
         np.arange(turns.count) % 3 > 0
     )  # some straight on, where the arc's formula is 0/0
@@ -157,9 +168,9 @@ def test_dual_residual_is_the_projected_gradient_by_differences():
     plan = optimise(m, hold=4, count=1, random=RNG(5))
 
     def value(w):
-        return PredictedVariance(m)(followed(m, w, 4)[m.stages.end, :2])[0]
+        return PredictedVariance(m)(followed(m, w, 4)[m.stages.end, None, :2])[0]
 
-    w, step = plan.x / m.max_turn_rate, 1e-5
+    w, step = plan.x[0] / m.vehicles[0].max_turn_rate, 1e-5
     gradient = [(value(w + d) - value(w - d)) / (2 * step) for d in step * np.eye(w.size)]
     projected = np.clip(w - gradient, -1.0, 1.0) - w
     assert np.abs(gradient).max() > 1e-3  # turns at their limit would go on
@@ -170,12 +181,14 @@ def test_dual_residual_is_the_projected_gradient_by_differences():
 def test_plan_is_no_worse_than_any_start_and_keeps_the_turning_limit():
     m = mission(steps=80)
     plan = optimise(m, hold=4, count=20, random=RNG(5))
-    begun = list(starts(Turns(m, 4), RNG(5), None))
-    scores = [PredictedVariance(m)(followed(m, w, 4)[m.stages.end, :2])[0] for w in begun]
+    begun = list(starts(Turns(m, 4), RNG(5)))
+    scores = [PredictedVariance(m)(followed(m, w, 4)[m.stages.end, None, :2])[0] for w in begun]
     assert plan.objective <= min(scores)
-    assert np.abs(plan.x).max() <= m.max_turn_rate
+    assert np.abs(plan.x).max() <= m.vehicles[0].max_turn_rate
     assert plan.objective == pytest.approx(
-        PredictedVariance(m)(followed(m, plan.x / m.max_turn_rate, 4)[m.stages.end, :2])[0],
+        PredictedVariance(m)(
+            followed(m, plan.x[0] / m.vehicles[0].max_turn_rate, 4)[m.stages.end, None, :2]
+        )[0],
         rel=1e-9,
     )
     assert plan.status in (Status.OPTIMAL, Status.INACCURATE)
@@ -191,15 +204,20 @@ def test_more_descents_are_never_worse():
 def shrunk(m, scale):
     """The same mission with all lengths scaled."""
     lengths = np.array([scale, scale, 1.0, scale])  # of a state
+    (vehicle,) = m.vehicles
+    vehicle = replace(
+        vehicle,
+        ranging=vehicle.ranging.scaled(1 / scale),
+        start=vehicle.start * [scale, scale, 1.0],
+        speed=vehicle.speed * scale,
+    )
     return replace(
         m,
         position=m.position * scale,
         speed=m.speed * scale,
         covariance=m.covariance * np.outer(lengths, lengths),
         process_noise=m.process_noise * lengths,
-        ranging=Ranging(m.ranging.sigma * scale, squared=False),
-        start=m.start * [scale, scale, 1.0],
-        cna_speed=m.cna_speed * scale,
+        vehicles=(vehicle,),
     )
 
 
@@ -253,6 +271,6 @@ def test_plan_about_an_auv_at_rest_sees_it_at_right_angles_and_beats_every_circl
     )  # a quarter of a turn between ranges; 0.5: farther off, the sagitta is less
     plan = optimise(moored(best), hold=5, count=19, random=RNG(6))
     assert plan.objective <= min(scores) * (1 + 1e-3)  # of the rules of integration
-    sight = followed(moored(best), plan.x / 0.5, 5)[10::10, :2]
+    sight = followed(moored(best), plan.x[0] / 0.5, 5)[10::10, :2]
     turned = np.diff(np.unwrap(np.arctan2(sight[:, 1], sight[:, 0])))
     assert np.degrees(np.median(np.arccos(np.abs(np.cos(turned))))) > 75.0

@@ -40,6 +40,10 @@ CALLED = {
         ca.OP_ATAN2: "atan2",
         ca.OP_LT: "is_less",
         ca.OP_LE: "is_at_most",
+        ca.OP_EQ: "is_equal",
+        ca.OP_NE: "is_other",
+        ca.OP_AND: "both",
+        ca.OP_OR: "either",
         ca.OP_IF_ELSE_ZERO: "where",
     },
 }
@@ -63,6 +67,10 @@ INLINE lanes lanes_fmax(lanes x, lanes y) {
 INLINE double is_zero(double x) { return x == 0; }
 INLINE double is_less(double x, double y) { return x < y; }
 INLINE double is_at_most(double x, double y) { return x <= y; }
+INLINE double is_equal(double x, double y) { return x == y; }
+INLINE double is_other(double x, double y) { return x != y; }
+INLINE double both(double x, double y) { return x && y; }
+INLINE double either(double x, double y) { return x || y; }
 INLINE double where(double x, double y) { return x ? y : 0.0; }
 INLINE lanes lanes_is_zero(lanes x) { return (lanes)((choice)(x == 0) & (choice)all(1.0)); }
 INLINE lanes lanes_is_less(lanes x, lanes y) {

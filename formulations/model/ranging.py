@@ -28,6 +28,7 @@ EDGE = 0.05
 AFAR = 0.01
 SAME_DEPTH = 1e-6  # [m]; less apart, the speed of sound is that of one depth
 NUMBERS = 5  # of a law
+LEAST_LOSS = 1e-20  # far below rounding; without it the slope of no ranges at all is 0 * inf
 
 
 class Form(NamedTuple):
@@ -125,7 +126,7 @@ def expected_ranges(law: Law, r2: Any, pings: Any) -> tuple[Any, Any]:
     if not law.form.lossy:
         return 1.0, pings
     p = arrival(law, r2, edge=EDGE)
-    some = 1 - (1 - p) ** pings
+    some = 1 - ca.fmax(1 - p, LEAST_LOSS) ** pings
     return some, ca.if_else(some > 0, pings * p / ca.if_else(some > 0, some, 1.0), 0.0)
 
 

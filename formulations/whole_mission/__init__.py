@@ -1,6 +1,6 @@
-"""A path for a whole mission, planned before it begins: turns by multi-start descent."""
+"""Paths for a whole mission, planned before it begins: turns by multi-start descent."""
 
-from .problem import Problem
-from .search import optimise
+from .problem import AidVehicle, Beacon, Problem
+from .team import optimise
 
-__all__ = ["Problem", "optimise"]
+__all__ = ["AidVehicle", "Beacon", "Problem", "optimise"]

@@ -13,10 +13,11 @@ information h, followed by one prediction:
           + \bar Q,
 
 p_3 being the heading's column of P. (F̄, Q̄) is the filter begun with a known state, and h what its
-readings tell of the state it began with. None of it depends on where the aid vehicle is. (Linear
+readings tell of the state it began with. None of it depends on where the aid vehicles are. (Linear
 fractional form of the Riccati equation: Kailath, Sayed and Hassibi 2000, chapter 17.)
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -26,9 +27,14 @@ from jaxtyping import Float, Integer
 
 from ..model.quadrature import simpson
 from ..model.ranging import Ranging
+from ..model.schedule import Schedule
 
 HEADING = 2  # index in the state
-MOST_STAGES = 400  # steps of the covariance recursion; more ranges than that are taken together
+# Steps of the covariance recursion; ranges at more instants than that are taken together.
+MOST_STAGES = 400
+Violation = Callable[
+    [Float[np.ndarray, "*batch 2"], Float[np.ndarray, " *samples"]], Float[np.ndarray, "*batch"]
+]
 
 
 class Maps(NamedTuple):
@@ -47,33 +53,62 @@ class MissionStages(NamedTuple):
     """
 
     end: Integer[np.ndarray, " S"]  # sample
-    pings: Integer[np.ndarray, " S"]  # number of ranges to each AUV
+    pings: Float[np.ndarray, "S K M"]  # number of ranges of each `Problem.ranged` to each AUV
     halves: tuple[Maps, Maps]
     share: Float[np.ndarray, "S 3"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Problem:
-    """What is known before a mission begins, at K + 1 samples of M AUVs, and of the aid vehicle.
+class AidVehicle:
+    """An aid vehicle to plan for, and its ranges to the AUVs.
 
-    ``process_noise`` has standard deviations per square root of a second; ``pings`` are the samples
-    at which ranges are measured, none the first; weights sum to one.
+    The schedule's interval is a whole number of samples, the first beginning at time 0; ranges in
+    between count at the nearest sample.
+    """
+
+    start: Float[np.ndarray, "3"]  # east, north [m], heading [rad]
+    speed: float  # [m/s]
+    max_turn_rate: float  # [rad/s]
+    ranging: Ranging
+    schedule: Schedule
+    depth: float = 0.0  # of its transducer [m]
+    # How far [m] positions at times since the beginning [s] are on the wrong side of a limit, at
+    # most 0 where they are right.
+    violation: Violation | None = None
+    margin: float = 0.0  # kept from its limits [m]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Beacon:
+    """What AUVs range to as well and nobody plans for: it is fixed, or moves as is known."""
+
+    position: Float[np.ndarray, "samples 2"]  # [m]
+    ranging: Ranging
+    schedule: Schedule
+    depth: float = 0.0  # of its transducer [m]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Problem:
+    """What is known before a mission begins, at K + 1 samples of M AUVs, and who aids them.
+
+    ``process_noise`` has standard deviations per square root of a second; weights sum to one.
     """
 
     time_step: float  # [s]
+    begin: float = 0.0  # time of the first sample [s]
     position: Float[np.ndarray, "samples M 2"]  # [m]
     heading: Float[np.ndarray, "samples M 2"]  # unit vectors, of the step that begins at the sample
     speed: Float[np.ndarray, "samples M"]  # through the water [m/s]
+    depth: Float[np.ndarray, "samples M"] | float = 0.0  # [m]
     covariance: Float[np.ndarray, "M 4 4"]
     process_noise: Float[np.ndarray, "M 4"]
     weights: Float[np.ndarray, " M"]
     compass: float  # standard deviation [rad]
-    ranging: Ranging
-    pings: Integer[np.ndarray, " N"]
-    ping_every: int  # samples between ranges
-    start: Float[np.ndarray, "3"]  # of the aid vehicle: east, north [m], heading [rad]
-    cna_speed: float  # [m/s]
-    max_turn_rate: float  # [rad/s]
+    vehicles: tuple[AidVehicle, ...]
+    beacons: tuple[Beacon, ...] = ()
+    # Least and greatest distance between any two of the aid vehicles [m].
+    separation: tuple[float, float] = (0.0, np.inf)
 
     @property
     def steps(self) -> int:
@@ -81,32 +116,50 @@ class Problem:
         return len(self.position) - 1
 
     @property
-    def first_ping(self) -> int:
-        """Sample of the first range; the mission's last where there is none."""
-        return int(self.pings[0]) if self.pings.size else self.steps
+    def ranged(self) -> tuple[AidVehicle | Beacon, ...]:
+        """All that AUVs range to: the aid vehicles, then the beacons."""
+        return *self.vehicles, *self.beacons
+
+    def height(self, other: AidVehicle | Beacon) -> Float[np.ndarray, "samples M"]:
+        """How far [m] another transducer is above each AUV's."""
+        return np.broadcast_to(self.depth - other.depth, self.speed.shape)
+
+    @cached_property
+    def pings(self) -> list[list[Integer[np.ndarray, " N"]]]:
+        """Samples of the ranges of each `ranged` to each AUV; none is the first."""
+        auvs = range(len(self.weights))
+        return [[self._pings(other.schedule, auv) for auv in auvs] for other in self.ranged]
+
+    def _pings(self, schedule: Schedule, auv: int) -> Integer[np.ndarray, " N"]:
+        end = self.begin + self.steps * self.time_step
+        since = schedule.times(auv, self.begin, end) - self.begin
+        return np.clip(np.round(since / self.time_step).astype(int), 1, self.steps)
 
     @cached_property
     def stages(self) -> MissionStages:
         """The mission cut at its ranges.
 
-        Where there are too many, an odd number of them counts as measured at the middle one.
+        Where there are too many instants, an odd number of them counts as the middle one.
         """
-        size = group_size(self.pings.size)
-        end, pings = [], []
-        for first in range(0, self.pings.size, size):
-            group = self.pings[first : first + size]
+        instants = np.unique(np.concatenate([one for each in self.pings for one in each]))
+        size = group_size(instants.size)
+        end = []
+        for first in range(0, instants.size, size):
+            group = instants[first : first + size]
             end.append(int(group[(len(group) - 1) // 2]))
-            pings.append(len(group))
         if not end or end[-1] < self.steps:
             end.append(self.steps)
-            pings.append(0)
+        pings = np.zeros((len(end), len(self.ranged), len(self.weights)))
+        for k, of_each in enumerate(self.pings):
+            for auv, samples in enumerate(of_each):
+                np.add.at(pings[:, k, auv], np.searchsorted(instants, samples) // size, 1.0)
         begin = np.array([0, *end[:-1]])
         stop = np.array(end)
         middle = begin + (stop - begin) // 2
         lasts = (stop - begin) / self.steps
         share = simpson(middle - begin, stop - middle) * lasts[:, None]
         halves = self.maps(begin, middle), self.maps(middle, stop)
-        return MissionStages(stop, np.array(pings), halves, share)
+        return MissionStages(stop, pings, halves, share)
 
     def maps(self, begin: Integer[np.ndarray, " S"], end: Integer[np.ndarray, " S"]) -> Maps:
         """What the intervals from samples ``begin`` to ``end`` do to the covariances."""
@@ -141,11 +194,11 @@ class Problem:
         return F
 
 
-def group_size(pings: int) -> int:
-    """How many ranges are taken together, so that there are no more than `MOST_STAGES` stages."""
-    if pings <= MOST_STAGES:
+def group_size(instants: int) -> int:
+    """How many instants are taken together, so that there are no more than `MOST_STAGES` stages."""
+    if instants <= MOST_STAGES:
         return 1
-    least = -(-pings // MOST_STAGES)
+    least = -(-instants // MOST_STAGES)
     return least // 2 * 2 + 1
 
 

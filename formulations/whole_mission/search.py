@@ -1,24 +1,22 @@
 """Search for the turns of a whole mission: multi-start descent along exact gradients."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
-from typing import cast
 
 import numpy as np
-from jaxtyping import Float, Integer
+from jaxtyping import Float
 
 from ..solution import Solution, Status
 from .covariance import PredictedVariance
+from .limits import Limits
 from .path import Turns
 from .problem import Problem
-from .starts import Violation, perturbed, starts
+from .starts import perturbed, starts
 
 PENALTIES = (1.0, 30.0, 1000.0)  # of the mean square violation, one after the other [-]
-PROBE = 1e-3  # [m]; by which positions are moved to see how the violation changes
-PROBES = PROBE * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
 FIRST = 30  # iterations of the descents from all starts
 ITERATIONS = 300  # of the better ones' descents
 POLISH = 3000  # of the best's
@@ -42,36 +40,48 @@ REMEDIES = {
     ),
 }
 
+Progress = Callable[[int, int], None]
+
+
+def untold(_done: int, _all: int) -> None:
+    """Tell nobody how far the search is."""
+
 
 @dataclass(frozen=True, eq=False)
 class Objective:
     """Mean variance of turns, and with a penalty on the mean square violation."""
 
     turns: Turns
-    variance: PredictedVariance
-    violation: Violation | None
-    margin: float  # kept from the limits [m]
+
+    @cached_property
+    def variance(self) -> PredictedVariance:
+        """Mean variance of positions."""
+        return PredictedVariance(self.turns.problem)
+
+    @cached_property
+    def limits(self) -> Limits:
+        """Limits of positions."""
+        return Limits(self.turns.problem)
 
     @cached_property
     def unit(self) -> float:
         """Mean variance of going straight on [m^2], the descents' unit; 1 where all is known."""
-        return self.value(np.zeros(self.turns.count)) or 1.0
+        return self.value(np.zeros(self.turns.size)) or 1.0
 
     @property
     def penalties(self) -> tuple[float, ...]:
         """Penalties of the descents one after the other; none without limits."""
-        return (0.0,) if self.violation is None else PENALTIES
+        return PENALTIES if self.limits else (0.0,)
 
     def value(self, w: Float[np.ndarray, " n"]) -> float:
         """Mean variance [m^2]."""
-        at_ranges = self.turns.poses(w)[self.turns.problem.stages.end, :2]
-        return self.variance.value(at_ranges)
+        ends = self.turns.problem.stages.end
+        at_ranges = self.turns.poses(w)[:, ends, :2]
+        return self.variance.value(at_ranges.swapaxes(0, 1))
 
     def primal_residual(self, w: Float[np.ndarray, " n"]) -> float:
         """How far the path breaks a limit at a sample [m], at least 0."""
-        if self.violation is None:
-            return 0.0
-        return max(0.0, float(self._violation(self.turns.poses(w)[:, :2]).max()))
+        return self.limits.worst(self.turns.poses(w)[..., :2]) if self.limits else 0.0
 
     def dual_residual(self, w: Float[np.ndarray, " n"]) -> float:
         """Largest entry of the projected gradient [m^2] under the last penalty.
@@ -101,32 +111,16 @@ class Objective:
         self, w: Float[np.ndarray, " n"], penalty: float
     ) -> tuple[float, Float[np.ndarray, " n"]]:
         """Mean variance and penalty [m^2], and the gradient."""
-        x = self.turns.poses(w)[:, :2]
+        x = self.turns.poses(w)[..., :2]
         ends = self.turns.problem.stages.end
         by_position = np.zeros_like(x)
-        value, by_position[ends] = self.variance(x[ends])
-        if self.violation is not None:
-            deep = np.maximum(self._violation(x) + self.margin, 0.0)
-            value += penalty * float(np.mean(deep**2))
-            broken = np.flatnonzero(deep > 0)
-            steepness = (2 * penalty / deep.size) * deep[broken, None]
-            by_position[1 + broken] += steepness * self._slope(x, broken)
+        value, slope = self.variance(x[:, ends].swapaxes(0, 1))
+        by_position[:, ends] = slope.swapaxes(0, 1)
+        if self.limits:
+            broken, slope = self.limits.penalty(x, penalty)
+            value += broken
+            by_position += slope
         return value, self.turns.gradient(w, by_position)
-
-    def _violation(self, x: Float[np.ndarray, "samples 2"]) -> Float[np.ndarray, " steps"]:
-        """How far each sample breaks a limit [m], but for the first, which is where it is."""
-        problem = self.turns.problem
-        time = np.arange(1, problem.steps + 1) * problem.time_step
-        return cast(Violation, self.violation)(x[1:], time)
-
-    def _slope(
-        self, x: Float[np.ndarray, "samples 2"], steps: Integer[np.ndarray, " some"]
-    ) -> Float[np.ndarray, "some 2"]:
-        """Gradient of the violation at some samples, by central differences."""
-        time = (steps + 1) * self.turns.problem.time_step
-        around = x[1 + steps] + PROBES[:, None]
-        east, west, north, south = cast(Violation, self.violation)(around, time)
-        return np.stack([east - west, north - south], axis=-1) / (2 * PROBE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,23 +141,22 @@ def rank(candidate: Candidate) -> tuple[int, float]:
     return math.ceil(candidate.violation / ALIKE), candidate.value
 
 
-def optimise(
+def multi_start(
     problem: Problem,
     *,
     hold: int,
     count: int,
     random: np.random.Generator,
-    violation: Violation | None = None,
-    margin: float = 0.0,
-    progress: Callable[[int, int], None] = lambda _done, _all: None,
+    progress: Progress = untold,
+    also: Sequence[Float[np.ndarray, " n"]] = (),
 ) -> Solution:
-    """Find turns for the least time mean of the AUVs' predicted position variance.
+    """Find turns of all vehicles at once for the least time mean of the AUVs' position variance.
 
     From each start (`starts`) a bounded quasi-Newton method (L-BFGS-B: Byrd, Lu, Nocedal and Zhu
     1995) descends along exact gradients: the covariance recursion's by CasADi, the path's in closed
     form; the better ones go on. What is left of ``count`` descents begins at the best, some of its
     turns perturbed, and the best's own goes on to the end. Limits are penalties on the square of
-    their violation at the mission's samples, plus ``margin`` [m], in rising weights; of the results
+    their violation at the mission's samples, plus a margin, in rising weights; of the results
     those that violate least are kept, and of these the best. It is a local optimum: nothing is
     proven about the global one.
 
@@ -177,26 +170,25 @@ def optimise(
         Number of descents, at least 1.
     random
         Where perturbed and random turns come from.
-    violation
-        How far [m] positions at times [s] of the mission are on the wrong side of a limit, at most
-        0 where they are right.
     progress
         Called after each descent with (iterations allowed so far, iterations allowed in all).
+    also
+        Turns in units of the limits to begin with as well (`Turns`).
 
     Returns
     -------
-    ``x``: turn rates [rad/s], each held for ``hold`` samples. ``objective``: the mean variance
-    [m^2]. Primal residual: how far the path breaks a limit at a sample [m]. Dual residual: largest
-    entry of the projected gradient, by turns in units of the vehicle's limit [m^2].
+    ``x``: turn rates [rad/s] of each vehicle, each held for ``hold`` samples. ``objective``: the
+    mean variance [m^2]. Primal residual: how far a path breaks a limit at a sample [m]. Dual
+    residual: largest entry of the projected gradient, by turns in units of the limits [m^2].
     """
     turns = Turns(problem, hold)
-    objective = Objective(turns, PredictedVariance(problem), violation, margin)
+    objective = Objective(turns)
     begun = [
         assess(objective, w, Status.BEST_MANOEUVRE)
-        for w in islice(starts(turns, random, violation), count)
+        for w in (*also, *islice(starts(turns, random), count))
     ]
     going_on = -(-len(begun) // BETTER)
-    shakes = count - len(begun)
+    shakes = count + len(also) - len(begun)
     allowed = FIRST * len(begun) + ITERATIONS * (going_on + shakes + 1)
     done = 0
 
@@ -215,7 +207,7 @@ def optimise(
     best = min(descended(best.w, POLISH), best, key=rank)
     best = _resumed(objective, best)
     return Solution(
-        x=best.w * problem.max_turn_rate,
+        x=turns.of_each(best.w) * np.array([[v.max_turn_rate] for v in problem.vehicles]),
         objective=best.value,
         status=_status(objective, best),
         primal_residual=best.violation,

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property, lru_cache, partial
 from typing import Annotated
 
@@ -13,7 +13,7 @@ from formulations.model.arcs import path
 from formulations.model.frames import Frame
 from formulations.model.schedule import ROUNDING, intervals, is_multiple
 from formulations.solution import Solution
-from formulations.whole_mission import Problem, optimise
+from formulations.whole_mission import AidVehicle, Problem, optimise
 from obsplan.constraints import Constraints
 from obsplan.planning.checks import check_situation
 from obsplan.planning.fallback import unusable
@@ -167,36 +167,46 @@ class WholeMission:
             hold=hold,
             count=self.starts,
             random=np.random.default_rng(self.search_seed),
-            violation=Limits(self, frame, first) if self.constraints else None,
-            margin=MARGIN * cna.min_turn_radius,
             progress=progress,
         )
-        return OpenLoopPlan(cna, pose, time, frame.mirror * plan.x, hold * filed.time_step, plan)
+        rates = frame.mirror * plan.x[0]
+        return OpenLoopPlan(cna, pose, time, rates, hold * filed.time_step, plan)
 
     def _mission(self, frame: Frame, first: int) -> Problem:
         """What is known from a sample on, as seen by the vehicle there."""
-        filed, cna = self.filed, self.situation.cna
-        steps = self.situation.ping_interval / filed.time_step
-        every = round(min(steps, filed.time.size))  # at most: none in the mission
+        filed = self.filed
         after = slice(first, None)
         courses = np.stack([np.cos(filed.heading[after]), np.sin(filed.heading[after])], axis=-1)
         total = filed.weights.sum()
         alike = np.full(filed.weights.size, 1 / filed.weights.size)
         return Problem(
             time_step=filed.time_step,
+            begin=first * filed.time_step,
             position=np.round(frame.positions(filed.position[after]), PLACES),
             heading=np.round(frame.directions(courses), PLACES),
             speed=np.round(filed.speed[after], PLACES),
+            depth=filed.depth[after],
             covariance=seen_covariances(frame, filed.covariance),
             process_noise=filed.process_noise,
             weights=filed.weights / total if total > 0 else alike,
             compass=self.situation.heading_sigma,
-            ranging=self.situation.ranging,
-            pings=np.arange(first // every * every + every, filed.time.size, every) - first,
-            ping_every=every,
+            vehicles=(self._vehicle(frame, first),),
+        )
+
+    def _vehicle(self, frame: Frame, first: int) -> AidVehicle:
+        """The vehicle and its ranges, as seen by itself at a sample."""
+        filed, situation = self.filed, self.situation
+        steps = situation.ping_interval / filed.time_step
+        every = round(min(steps, filed.time.size))  # at most: none in the mission
+        return AidVehicle(
             start=np.zeros(3),
-            cna_speed=cna.speed,
-            max_turn_rate=cna.max_turn_rate,
+            speed=situation.cna.speed,
+            max_turn_rate=situation.cna.max_turn_rate,
+            ranging=situation.ranging,
+            schedule=replace(situation.schedule, interval=every * filed.time_step),
+            depth=situation.transducer_depth,
+            violation=Limits(self, frame, first) if self.constraints else None,
+            margin=MARGIN * situation.cna.min_turn_radius,
         )
 
 

@@ -1,6 +1,6 @@
 """What is known of a mission before it begins, for planners that plan all of it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +25,8 @@ class Filed:
     # standard deviations per sqrt(s), as the filters assume them; east's is north's
     process_noise: Float[np.ndarray, "auvs 4"]
     weights: Float[np.ndarray, " auvs"]
+    # [m]; one for all that have the same
+    depth: Float[np.ndarray, "#samples #auvs"] = field(default_factory=lambda: np.zeros((1, 1)))
 
     def __post_init__(self) -> None:
         if self.time.size < 2:
@@ -34,6 +36,8 @@ class Filed:
             )
         for name in self.__dataclass_fields__:
             kept = np.array(getattr(self, name))
+            if name == "depth":
+                kept = np.broadcast_to(kept, self.speed.shape).copy()
             kept.setflags(write=False)
             object.__setattr__(self, name, kept)
 
@@ -56,6 +60,7 @@ class Filed:
             self.covariance,
             self.process_noise,
             self.weights,
+            self.depth[sample],
             strict=True,
         )
         return [
@@ -64,8 +69,9 @@ class Filed:
                 covariance=covariance,
                 process_noise=(float(noise[0]), float(noise[2]), float(noise[3])),
                 weight=float(weight),
+                depth=float(depth),
             )
-            for place, heading, speed, covariance, noise, weight in known
+            for place, heading, speed, covariance, noise, weight, depth in known
         ]
 
     @cached_property

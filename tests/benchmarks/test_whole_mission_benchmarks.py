@@ -14,15 +14,22 @@ from test_whole_mission import mission
 
 from formulations.model import compiler, recursion
 from formulations.whole_mission import covariance
-from formulations.whole_mission.covariance import PACKED, ROWS, PredictedVariance, stage_function
+from formulations.whole_mission.covariance import (
+    PACKED,
+    PredictedVariance,
+    rows_of,
+    stage_function,
+)
 
 
 def by_casadi(problem):
     """The mean variance and its gradient as one Function, fed with what the sweeps are fed with."""
-    fed, auvs, rows = PredictedVariance(problem), len(problem.weights), sum(ROWS.values())
+    fed, auvs = PredictedVariance(problem), len(problem.weights)
+    forms = (problem.vehicles[0].ranging.form,)
+    rows = rows_of(forms)
     P, total, x = ca.SX.sym("P", PACKED, auvs), ca.SX.sym("total"), ca.SX.sym("x", 2)
     told = ca.SX.sym("told", rows, auvs)
-    stage, after, mean = stage_function(problem.ranging.squared), [], total
+    stage, after, mean = stage_function(forms), [], total
     for i in range(auvs):
         end, share = stage(P[:, i], x, told[:, i])
         after.append(end)
@@ -38,8 +45,8 @@ def by_casadi(problem):
     begin, numbers = ca.DM(fed._first.T), ca.DM(flat)
 
     def evaluated(x):
-        value, gradient = function(x.T, begin, numbers)
-        return float(value), gradient.full().T
+        value, gradient = function(x[:, 0].T, begin, numbers)
+        return float(value), gradient.full().T[:, None]
 
     return evaluated
 
@@ -61,7 +68,7 @@ def road(request, monkeypatch):
 def test_gradient(benchmark, road, auvs):
     benchmark.group = f"gradient of 320 stages, {auvs} AUVs"
     problem = mission(steps=1600, auvs=auvs)
-    x = np.random.default_rng(1).normal(0.0, 25.0, (len(problem.stages.end), 2))
+    x = np.random.default_rng(1).normal(0.0, 25.0, (len(problem.stages.end), 1, 2))
     rival = by_casadi(problem)
     asked = rival if road == "CasADi's own" else PredictedVariance(problem)
     value, gradient = benchmark(asked, x)
