@@ -20,8 +20,9 @@ sure of. (Jazwinski 1970, section 9.3: second-order filters.) A squared range's 
 :math:`(\operatorname{tr} P)^2 + 2 \operatorname{tr} P^2`, that of the squared length of a Gaussian
 vector. σ may grow with distance, ranges may be lost (`formulations.model.ranging`).
 
-A slant range over a height h, r² = d² + h², tells of the position along ρ/r, ρ = (x, h) with the
-depth's place among the states where it is one, and x/r where the depth is known. With the Hessian
+A slant range over a height h, r² = d² + h², tells of the position along ρ/r, ρ = (x, -h) with the
+depth's place among the states where it is one, and x/r where the depth is known; x is the other
+vehicle's position less the AUV's. With the Hessian
 :math:`B = (1 - \rho \rho^\top / r^2) / r` the second term is
 :math:`\tfrac{1}{4} ((\operatorname{tr} BP)^2 + 2 \operatorname{tr} (BP)^2)`.
 """
@@ -169,7 +170,7 @@ def _condition_on_slant_range(P: SX, x: SX, law: Law, pings: SX, height: SX | fl
     rho = x
     if P.shape[0] in (3, DEPTH + 1):
         places = [0, 1, P.shape[0] - 1]
-        rho = ca.vertcat(x, height)
+        rho = ca.vertcat(x, -height)  # deeper is farther from a beacon above
     r2 = ca.fmax(ca.sumsqr(x) + height**2, NEAREST**2)
     Prho = P[:, places] @ rho
     along = ca.dot(rho, Prho[places]) / r2
