@@ -144,8 +144,9 @@ def _most(form: Form) -> ca.Function:
 @cache
 def _best(form: Form) -> ca.Function:
     """(law, height) -> best distance [m] of slant ranges."""
-    numbers, height = symbol("law", NUMBERS), symbol("height")
-    ranging, up2 = law(form, numbers), height**2
+    numbers, given = symbol("law", NUMBERS), symbol("height")
+    ranging, height = law(form, numbers), ca.fabs(given)
+    up2 = height**2
 
     def told(d2: SX) -> SX:
         r2 = d2 + up2
@@ -161,7 +162,7 @@ def _best(form: Form) -> ca.Function:
         most = ca.fmin(most, ca.if_else(decay > 0, fading, ca.inf))
         most = ca.fmin(most, 1 / ranging.per_reach**2)
     _, best = _peak(told, ca.SX(0.0), most)
-    return ca.Function("best_distance", [numbers, height], [ca.sqrt(best)])
+    return ca.Function("best_distance", [numbers, given], [ca.sqrt(best)])
 
 
 def _peak(told: Callable[[SX], SX], low: SX, high: SX) -> tuple[SX, SX]:
