@@ -2,6 +2,7 @@
 
 import math
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -15,6 +16,8 @@ from formulations.cramer_rao import (
 from formulations.model.covariance import conditioned
 from formulations.model.ranging import Ranging
 from formulations.model.worth import best_distance, least_sigma
+from obsplan.sensors import Range
+from obsplan.sensors.sensor import BEACON
 
 GROWING = Ranging(1.0, growth=0.01, slant=True)
 
@@ -192,3 +195,28 @@ def test_a_circle_at_the_best_distance_reaches_the_bound_and_no_path_beats_it():
         moves = 15.0 * np.column_stack([np.cos(turns), np.sin(turns)])
         assert bound.efficiency(covariances(rng.normal(size=2) * 40 + moves.cumsum(axis=0))) <= 1
     assert at_20_m.efficiency(covariances(74.77 * circle)) > 1.2
+
+
+@pytest.mark.parametrize("depth_sigma", [0.0, 0.5, 20.0])
+def test_no_range_of_a_sensor_tells_more_along_the_line_of_sight_than_the_least_sigma(depth_sigma):
+    """By differentiation of the sensor itself; depths that are measured with error only take away."""
+    rng = np.random.default_rng(9)
+    for growth in (0.0, 0.003, 0.3):
+        sensor = Range(sigma=0.6, growth=growth, geometry="slant", depth_sigma=depth_sigma)
+        x, height = rng.normal(size=(500, 2)) * 10 ** rng.uniform(0, 3, size=(500, 1)), 35.0
+        beacon = np.zeros((len(BEACON), 500))
+        beacon[:2], beacon[BEACON.index("depth")] = x.T, 5.0
+        beacon[BEACON.index("auv_depth")] = 5.0 + height
+        state, there = ca.SX.sym("x", 4), ca.SX.sym("b", len(BEACON))
+        sigma = ca.SX(sensor.deviation(state, there))
+        h, s = (ca.jacobian(of, state) for of in (sensor.measure(state, there), sigma))
+        fisher = ca.Function("J", [state, there], [ca.vec((h.T @ h + 2 * s.T @ s) / sigma**2)])
+        J = fisher.map(500)(np.zeros((4, 500)), beacon).full().T.reshape(500, 4, 4)
+        u = x / np.linalg.norm(x, axis=1, keepdims=True)
+        along = np.einsum("ki,kij,kj->k", u, J[:, :2, :2], u)
+        d = np.linalg.norm(x, axis=1)
+        most = 1 / least_sigma(sensor.ranging, d.min(), d.max(), height) ** 2
+        assert along.max() <= most * (1 + 1e-12)
+        if not depth_sigma:
+            told = ranging_information(x, sensor.ranging, height)
+            np.testing.assert_allclose(J[:, :2, :2], told, rtol=1e-9, atol=1e-15)

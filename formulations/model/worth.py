@@ -57,7 +57,9 @@ def least_sigma(
 
     That is :math:`1 / \sqrt{\max d^2 w}` over the horizontal distances d that can be reached, and
     over which ranges come: a horizontal range of that standard deviation tells no less, along the
-    line of sight, than any of the law's.
+    line of sight, than any of the law's. It tells no less either where a variance is added that
+    falls as 1/r², as that of a depth that is measured with error, while σ < r/√2: what is added
+    takes more away than its own slope tells.
 
     Parameters
     ----------
@@ -161,7 +163,7 @@ def _best(form: Form) -> ca.Function:
         fading = (height * ca.sqrt(up2 + 4 / decay) - up2) / 2
         most = ca.fmin(most, ca.if_else(decay > 0, fading, ca.inf))
         most = ca.fmin(most, 1 / ranging.per_reach**2)
-    _, best = _peak(told, ca.SX(0.0), most)
+    best = _peak(told, ca.SX(0.0), most)[1] if form.lossy else most
     return ca.Function("best_distance", [numbers, given], [ca.sqrt(best)])
 
 

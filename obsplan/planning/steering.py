@@ -3,7 +3,7 @@
 import casadi as ca
 
 from formulations.model.worth import best_distance
-from obsplan.planning.expressions import Targets
+from obsplan.planning.expressions import Symbolic, Targets
 from obsplan.planning.situation import Situation
 from obsplan.vehicles import Unicycle
 
@@ -31,7 +31,7 @@ def turn_toward(
     return ca.fmax(-limit, ca.fmin(limit, turning + correction))
 
 
-def telling_distance(situation: Situation, targets: Targets, least: ca.SX | float) -> ca.SX | float:
+def telling_distance(situation: Situation, targets: Targets, least: Symbolic) -> Symbolic:
     """Distance [m] to keep: that at which ranges tell most over the AUVs' depth, at least another.
 
     The least where there is no such distance (`formulations.model.worth.best_distance`), as there
