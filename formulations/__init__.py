@@ -28,7 +28,10 @@ _HOME = {
     "path_inertia_curvature": "path_inertia",
     "path_inertia_radius": "path_inertia",
     "InformationBound": "certified_bound",
+    "Ranging": "model.ranging",
+    "best_distance": "model.worth",
     "information_bound": "certified_bound",
+    "least_sigma": "model.worth",
     "path_information": "cramer_rao",
     "position_rms": "cramer_rao",
     "position_schur_complement": "metrics",
@@ -40,6 +43,7 @@ _HOME = {
     "range_gramians": "gramian.range",
     "range_information": "cramer_rao",
     "range_score_expression": "gramian.range",
+    "ranging_information": "cramer_rao",
     "score": "metrics",
     "score_expression": "metrics",
     "smallest_eigenvalue": "metrics",
@@ -66,6 +70,7 @@ if TYPE_CHECKING:
     from formulations.cramer_rao import position_rms as position_rms
     from formulations.cramer_rao import posterior_cramer_rao as posterior_cramer_rao
     from formulations.cramer_rao import range_information as range_information
+    from formulations.cramer_rao import ranging_information as ranging_information
     from formulations.cramer_rao import squared_range_information as squared_range_information
     from formulations.gramian import ExactGramian as ExactGramian
     from formulations.gramian import empirical_gramian as empirical_gramian
@@ -98,6 +103,9 @@ if TYPE_CHECKING:
     from formulations.metrics import trace_inverse as trace_inverse
     from formulations.metrics import unobservability_index as unobservability_index
     from formulations.metrics import unobservable_direction as unobservable_direction
+    from formulations.model.ranging import Ranging as Ranging
+    from formulations.model.worth import best_distance as best_distance
+    from formulations.model.worth import least_sigma as least_sigma
     from formulations.path_inertia import PathInertiaProblem as PathInertiaProblem
     from formulations.path_inertia import circle_center as circle_center
     from formulations.path_inertia import curvature_condition_number as curvature_condition_number

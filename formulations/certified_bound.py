@@ -4,7 +4,7 @@ Time runs over samples as in `cramer_rao`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import casadi as ca
@@ -86,9 +86,15 @@ def information_bound(
               P = \text{posterior Cramér-Rao with }
               J_k = J^\mathrm{other}_k + M_j / \sigma_j^2 \text{ at ping } j
 
-    A range gives u uᵀ/σ² with u a unit vector: one such M. The information of the whole trajectory
-    is linear in M, so the sum is convex, and value less duality gap bounds every path, whatever
-    prior, dynamics and process noise: with f the sum, for any allocation M and every other one M',
+    A range gives u uᵀ/σ² with u a unit vector: one such M. Several at one step, from as many aid
+    vehicles, together give one of their precisions' sum, and no other set of matrices:
+
+    .. math:: \Bigl\{ \sum_i p_i M_i \Bigr\} = \Bigl\{ \sum_i p_i \; M \Bigr\},
+
+    as a mean of such M weighted by p is one, and every one is the mean of itself. The information
+    of the whole trajectory is linear in M, so the sum is convex, and value less duality gap bounds
+    every path, whatever prior, dynamics and process noise: with f the sum, for any allocation M and
+    every other one M',
 
     .. math:: f(M') \ge f(M) + \langle \nabla f(M), M' - M \rangle \ge f(M) - g(M), \quad
               g(M) = \max_{M''} \langle \nabla f(M), M - M'' \rangle .
@@ -108,13 +114,17 @@ def information_bound(
         As for ``posterior_cramer_rao``, states one and two being east and north [m]. F must not
         depend on the beacon's path: take Jacobians along the AUV's true trajectory.
     J_other
-        Information of everything but ranges (a compass), per step.
+        Information of everything but ranges to the vehicles whose paths are open, per step: of a
+        compass, of ranges to fixed beacons.
     pings
-        Steps at whose end a range comes: ``J[pings]`` holds it.
+        Steps at whose end a range comes: ``J[pings]`` holds it. Several ranges repeat their step.
+        Those that were lost are left out; the bound is then over the paths on which the same ones
+        come.
     sigma
-        Smallest standard deviation of a range that any path could reach [m], one or per ping. For
-        squared ranges of standard deviation s [m²], worth more the farther, that is s / (2 d) at
-        the largest distance d ever allowed.
+        Smallest standard deviation of a range that any path could reach [m], one or per ping:
+        `formulations.model.worth.least_sigma`, whatever the law of the ranging. For squared ranges
+        of standard deviation s [m²], worth more the farther, that is s / (2 d) at the largest
+        distance d ever allowed.
     weights
         Of the samples in the mean over time; equal unless given. A mean square compared with the
         bound must be over the same samples.
@@ -126,7 +136,7 @@ def information_bound(
     Raises
     ------
     ValueError
-        If pings repeat or lie outside the steps, sigma is not positive, weights are negative or all
+        If pings lie outside the steps, sigma is not positive, weights are negative or all
         zero, or the model is not finite.
     """
     weights = _normalized(np.ones(len(F) + 1) if weights is None else weights, len(F) + 1)
@@ -137,10 +147,13 @@ def information_bound(
             f"got {relative_gap} and {max_iterations}"
         )
     precision = np.broadcast_to(1.0 / positive(sigma) ** 2, pings.shape)
+    steps, of_step = np.unique(pings, return_inverse=True)
+    together = np.bincount(of_step, precision, len(steps))
     problem = _Allocation(
-        P0=P0, F=F, Q=Q, J_other=J_other, pings=pings, precision=precision, weights=weights
+        P0=P0, F=F, Q=Q, J_other=J_other, pings=steps, precision=together, weights=weights
     )
-    return _coarse_to_fine(problem, relative_gap, max_iterations, progress)
+    found = _coarse_to_fine(problem, relative_gap, max_iterations, progress)
+    return replace(found, allocation=found.allocation[of_step])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -306,11 +319,6 @@ def _normalized(weights: np.ndarray, samples: int) -> np.ndarray:
 
 
 def _check_pings(pings: np.ndarray, steps: int) -> None:
-    if len(np.unique(pings)) < len(pings):
-        raise ValueError(
-            "pings must not repeat a step, "
-            f"got {len(pings)} pings at {len(np.unique(pings))} steps; combine their sigmas"
-        )
     if len(pings) and (pings.min() < 0 or pings.max() >= steps):
         raise ValueError(
             f"pings must be steps 0 to {steps - 1}, got {pings.min()} to {pings.max()}"

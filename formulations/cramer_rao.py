@@ -12,9 +12,11 @@ import numpy as np
 from jaxtyping import Float
 
 from .metrics import EPS
-from .model.casadi import symbol
+from .model.casadi import of_each, symbol
 from .model.covariance import propagate, symmetric
+from .model.ranging import NUMBERS, Form, Ranging, arrival, law
 from .model.recursion import Recursion
+from .model.worth import per_square
 
 
 def range_information(
@@ -54,6 +56,43 @@ def squared_range_information(
     separation, squared = _separation(beacon, target)
     variance = np.broadcast_to(positive(sigma) ** 2, squared.shape)
     return 4.0 * _outer(separation) / variance[..., None, None]
+
+
+def ranging_information(
+    x: Float[np.ndarray, "*#batch 2"],
+    ranging: Ranging,
+    height: float | Float[np.ndarray, "*#batch"] = 0.0,
+    *,
+    with_depth: bool = False,
+    expected: bool = False,
+) -> Float[np.ndarray, "*batch n n"]:
+    r"""Return the Fisher information of each range under the law of a ranging.
+
+    .. math:: J = \frac{\nabla z \nabla z^\top}{\sigma^2}
+              + 2 \frac{\nabla \sigma \nabla \sigma^\top}{\sigma^2}
+
+    (Kay 1993, eq. 3.31): what the range z tells of the target's position, and what the growth of
+    its deviation tells. Where both vehicles move while the sound travels, it is as if they were at
+    rest, and off by their speed over that of sound.
+
+    Parameters
+    ----------
+    x
+        Horizontal position of the beacon less the target's [m].
+    height
+        Depth of the target's transducer less the beacon's [m]; it counts where ranges are slant.
+    with_depth
+        Whether the target's depth, positive downwards, is a state beside east and north. Otherwise
+        it is known.
+    expected
+        Times the probability that the range arrives, as for a forecast.
+
+    Returns
+    -------
+    Of east and north [1/m²], or of east, north and depth; zero where there is no direction.
+    """
+    function = _ranging_information(ranging.form, with_depth, expected)
+    return of_each(function, x, np.asarray(height, dtype=float), np.array(ranging.numbers))[0]
 
 
 def posterior_cramer_rao(
@@ -115,6 +154,21 @@ def path_information(
 def position_rms(P: Float[np.ndarray, "*batch samples n n"]) -> Float[np.ndarray, "*batch"]:
     """Return the root mean square over time of the position error, states one and two [m]."""
     return np.asarray(np.sqrt(np.mean(P[..., 0, 0] + P[..., 1, 1], axis=-1)))
+
+
+@cache
+def _ranging_information(form: Form, with_depth: bool, expected: bool) -> ca.Function:
+    """Make (x, height, law) -> information."""
+    x, height, numbers = symbol("x", 2), symbol("height"), symbol("law", NUMBERS)
+    up = height if form.slant else 0.0
+    r2 = ca.sumsqr(x) + up**2
+    ranging = law(form, numbers)
+    told = per_square(ranging, r2)
+    if expected:
+        told *= arrival(ranging, r2)
+    rho = ca.vertcat(-x, up) if with_depth else x  # deeper is farther from a beacon above
+    J = ca.densify(told * rho @ rho.T)
+    return ca.Function("ranging_information", [x, height, numbers], [J])
 
 
 @cache

@@ -11,6 +11,7 @@ from scipy.integrate import quad_vec
 import obsplan as op
 from formulations.gramian.pings import ping_moments
 from formulations.gramian.range import displacement_moments
+from formulations.model.ranging import Ranging
 from formulations.solution import Status
 from obsplan.constraints import Constraints, Disc
 
@@ -286,7 +287,7 @@ def test_scenario_tells_its_sensors():
         ranging={"interval": 3.0, "kind": "squared-range", "sigma": 4.0, "heading_sigma_deg": 2.0},
     )
     known = mission.planner().situation
-    assert (known.ping_interval, *known.ranging) == (3.0, 4.0, True)
+    assert (known.ping_interval, known.ranging) == (3.0, Ranging(4.0, squared=True))
     assert known.heading_sigma == pytest.approx(math.radians(2.0))
 
 

@@ -32,10 +32,12 @@ def ping_moments(
     first: Expression,
     interval: float,
     count: int,
+    heard: Expression | None = None,
 ) -> DisplacementMoments:
     """Moments at ``count`` pings, as columns over candidates.
 
-    The first ping is ``first`` [s] from now; the others follow ``interval`` [s] apart.
+    The first ping is ``first`` [s] from now; the others follow ``interval`` [s] apart. ``heard``, a
+    column, says of each of them how much it counts; default: 1.
 
     Speed in m/s, turn rates in rad/s; the body frame is that of now. Raises ValueError unless the
     interval is positive and there is a ping.
@@ -44,9 +46,8 @@ def ping_moments(
         raise ValueError(f"time between pings must be finite and positive [s], got {interval}")
     if count < 1:
         raise ValueError(f"number of pings must be at least 1, got {count}")
-    shifted = [
-        _shifted(sums, first) for sums in _sums_from_a_ping(speed, turn_rates, interval, count)
-    ]
+    terms = _terms_from_a_ping(speed, turn_rates, interval, count)
+    shifted = [_shifted(_summed(powers, heard), first) for powers in terms]
     moved = _first_arc(speed, turn_rates, first)
     of_each_power = [_turned(sums, moved) for sums in zip(*shifted, strict=True)]  # of t
     return DisplacementMoments(*(list(moment) for moment in zip(*of_each_power, strict=True)))
@@ -70,21 +71,28 @@ def _turned(sums: tuple[Expression, ...], moved: tuple[Expression, ...]) -> tupl
     return one, a1 * one + b1, a2 * one + b2, d11, d12, d22
 
 
-def _sums_from_a_ping(
+def _terms_from_a_ping(
     speed: float, turn_rates: Float[np.ndarray, " K"], interval: float, count: int
-) -> Float[np.ndarray, "6 3 K"]:
-    """Moments of an arc that begins at a ping."""
+) -> list[Float[np.ndarray, "3 N K"]]:
+    """What each ping adds to the moments of an arc that begins at the first one."""
     time = interval * np.arange(count)
     poses = arcs(np.zeros(3), turn_rates, speed, time)
     d1, d2 = poses[..., 0].T, poses[..., 1].T
     powers = interval * np.stack([time**0, time, time**2])[..., None]
     products = np.ones_like(d1), d1, d2, d1 * d1, d1 * d2, d2 * d2
-    return np.stack([np.sum(powers * product, axis=1) for product in products])
+    return [powers * product for product in products]
 
 
-def _shifted(sums: Float[np.ndarray, "3 K"], first: Expression) -> list[Expression]:
+def _summed(terms: Float[np.ndarray, "3 N K"], heard: Expression | None) -> list[Expression]:
+    """Sums over pings, as columns."""
+    if heard is None:
+        return [ca.DM(row) for row in np.sum(terms, axis=1)]
+    return [ca.DM(of_pings.T) @ heard for of_pings in terms]
+
+
+def _shifted(sums: list[Expression], first: Expression) -> list[Expression]:
     """Sums of (first + s)^j from those of s^j, as columns."""
-    zeroth, linear, square = (ca.DM(row) for row in sums)
+    zeroth, linear, square = sums
     return [
         zeroth,
         first * zeroth + linear,

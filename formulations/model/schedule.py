@@ -71,6 +71,32 @@ class Schedule:
             np.add.at(pings[:, auv], stage, 1.0)
         return pings
 
+    def time_to_slot(self, time: Any, auv: int) -> Any:
+        """Time [s] until an AUV's next slot, silent or not; in it, until the one after it.
+
+        Of a number, or of an expression.
+        """
+        offset = self.offsets[auv] if self.offsets else 0.0
+        return time_to_next(time - offset, self.interval)
+
+    def time_to_range(self, time: Any, auv: int) -> Any:
+        """Time [s] until an AUV's next range."""
+        wait = self.time_to_slot(time, auv)
+        for start, stop in sorted(self.silent):
+            slot = time + wait
+            quiet = ca.logic_and(slot >= start, slot <= stop)
+            after = stop + self.time_to_slot(stop, auv) - time
+            wait = ca.if_else(quiet, after, wait)
+        return wait
+
+    def heard(self, times: Any) -> Any:
+        """1 for times [s] at which ranges come, and 0 for silent ones."""
+        heard = ca.DM.ones(*times.shape)
+        for start, stop in self.silent:
+            quiet = ca.logic_and(times >= start, times <= stop)
+            heard = heard * ca.logic_not(quiet)
+        return heard
+
     def stages(self, time: float, horizon: float, count: int, auvs: int) -> Stages:
         """Cut a horizon [s] from a time [s] on into stages that end at ranges.
 

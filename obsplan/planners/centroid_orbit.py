@@ -11,7 +11,7 @@ from formulations.solution import Status
 from obsplan.planning.checks import check_situation
 from obsplan.planning.expressions import Command, Targets, decide
 from obsplan.planning.situation import Situation
-from obsplan.planning.steering import look_ahead, turn_toward
+from obsplan.planning.steering import look_ahead, telling_distance, turn_toward
 from obsplan.quantities import LENGTH
 from obsplan.types import Belief, Decision, Pose
 
@@ -24,7 +24,9 @@ class CentroidOrbit:
 
     The course relative to the centroid is the orbit's tangent, turned toward the orbit by
     atan(distance from it / look-ahead). ``score`` is the squared distance from the orbit [m^2].
-    (Standoff tracking by a vector field: Frew, Lawrence and Morris 2008.)
+    Where slant ranges to AUVs at depth tell most from farther than the orbit would be, it is as
+    wide as that, unless its radius is given. (Standoff tracking by a vector field: Frew, Lawrence
+    and Morris 2008.)
     """
 
     condition_label = ""
@@ -78,10 +80,11 @@ class CentroidOrbit:
         if self.orbit_radius is not None:
             return ca.SX(self.orbit_radius)
         distance = ca.hypot(targets.mean[0, :] - center[0], targets.mean[1, :] - center[1])
-        return (
+        enclosing = (
             ca.mmax(ca.if_else(targets.weight.T > 0, distance, 0.0))
             + 2.0 * self.situation.cna.min_turn_radius
         )
+        return telling_distance(self.situation, targets, enclosing)
 
 
 def rotated(angle: ca.SX, vector: ca.SX) -> tuple[ca.SX, ca.SX]:

@@ -23,7 +23,9 @@ class Circle:
     """Follow a circle counter-clockwise.
 
     Away from the circle the vehicle steers to its tangent, with a look-ahead of the smallest
-    turning diameter.
+    turning diameter. Over AUVs at depth the circle about the survey may be too small for slant
+    ranges to tell much of the position; it is as it is, unless the radius is given
+    (`formulations.model.worth.best_distance`).
     """
 
     condition_label = ""

@@ -8,7 +8,8 @@ import casadi as ca
 import numpy as np
 
 from formulations.model.arcs import arc
-from formulations.model.schedule import time_to_next
+from formulations.model.ranging import EDGE, Form, arrival, law_of
+from formulations.model.worth import per_square
 from formulations.solution import Status
 from obsplan.planning.candidates import first_of_the_best
 from obsplan.planning.checks import check_situation
@@ -24,8 +25,8 @@ SCALARS = 8  # AUVs up to which scalars are no slower than matrices, which hold 
 class ErrorEllipse:
     r"""Turn so that the next range is measured along the largest axis of the error ellipses.
 
-    Each candidate turn rate is held until the next ping. The best one leaves the least variance
-    across the lines of sight,
+    Each candidate turn rate is held until each AUV's next range. The best one leaves the least
+    variance across the lines of sight,
 
     .. math:: \sum_i w_i (\operatorname{tr} P_i - u_i^\top P_i u_i),
 
@@ -34,6 +35,12 @@ class ErrorEllipse:
     distance. Errors along the range are taken to vanish. (Chitre, "Path planning for cooperative
     underwater range-only navigation using a single beacon", 2010, whose beacon minimises the
     error after the next range.)
+
+    Where distance counts, as ranges are slant, may be lost or err the more the farther, what is
+    left along the line of sight is counted too. With p the probability that the range arrives, J
+    what it tells along the line of sight and s the variance :math:`u^\top P u`, that is
+
+    .. math:: s \Bigl(1 - p \frac{J s}{1 + J s}\Bigr).
     """
 
     condition_label = ""
@@ -59,19 +66,42 @@ class ErrorEllipse:
         cna = self.situation.cna
         limit = cna.max_turn_rate
         rates = np.linspace(limit, -limit, self.turn_rates)
-        wait = time_to_next(time, self.situation.ping_interval)
-        places = arc(pose, ca.DM(rates).T, cna.speed, wait)
-        auvs = targets.mean[:2, :] + targets.velocity * wait
-        count = targets.mean.shape[1]
-        x = ca.repmat(places[0, :].T, 1, count) - ca.repmat(auvs[0, :], self.turn_rates, 1)
-        y = ca.repmat(places[1, :].T, 1, count) - ca.repmat(auvs[1, :], self.turn_rates, 1)
+        x, y = self._sight(time, pose, targets, rates)
         p11, p12, p22 = (
             ca.repmat(targets.position_covariance[i, :], self.turn_rates, 1) for i in range(3)
         )
         square = x**2 + y**2
         variance = p11 * y**2 - 2 * p12 * x * y + p22 * x**2
-        across = variance / ca.if_else(square > 0, square, 1.0)
-        totals = across @ (targets.weight / ca.sum1(targets.weight))
+        left = variance / ca.if_else(square > 0, square, 1.0)
+        ranging = self.situation.ranging
+        if ranging.form != Form(squared=ranging.squared):
+            height = ca.vec(targets.depth - self.situation.transducer_depth).T
+            left += self._left_along(p11 + p22 - left, square, height)
+        totals = left @ (targets.weight / ca.sum1(targets.weight))
         best, turn_rate = first_of_the_best(self.turn_rates)(totals, rates, 0.0)
-        unknown = ca.DM.nan(1, count)
+        unknown = ca.DM.nan(1, targets.mean.shape[1])
         return Command(turn_rate, ca.DM(cna.speed), best, unknown, ca.DM(float(Status.OPTIMAL)))
+
+    def _sight(
+        self, time: Symbolic, pose: Symbolic, targets: Targets, rates: np.ndarray
+    ) -> tuple[Symbolic, Symbolic]:
+        """Position relative to each AUV as its next range comes, K x M each."""
+        schedule, count = self.situation.schedule, targets.mean.shape[1]
+        # AUVs of one wait: all of them, or each
+        together = [list(range(count))] if schedule.plain else [[auv] for auv in range(count)]
+        east, north = [], []
+        for these in together:
+            wait = schedule.time_to_range(time, these[0])
+            places = arc(pose, ca.DM(rates).T, self.situation.cna.speed, wait)
+            auvs = targets.mean[:2, these] + targets.velocity[:, these] * wait
+            for axis, columns in enumerate((east, north)):
+                own = ca.repmat(places[axis, :].T, 1, len(these))
+                columns.append(own - ca.repmat(auvs[axis, :], self.turn_rates, 1))
+        return ca.horzcat(*east), ca.horzcat(*north)
+
+    def _left_along(self, along: Symbolic, square: Symbolic, height: Symbolic) -> Symbolic:
+        """Variance left along the lines of sight, K x M, of what there is before the range."""
+        law = law_of(self.situation.ranging)
+        r2 = square + ca.repmat(height**2, self.turn_rates, 1) if law.form.slant else square
+        gained = square * per_square(law, r2) * along
+        return along * (1 - arrival(law, r2, edge=EDGE) * gained / (1 + gained))

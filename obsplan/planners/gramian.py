@@ -16,7 +16,7 @@ from formulations.metrics import position_schur_expression, score_expression
 from formulations.model.arcs import arcs
 from formulations.model.casadi import Call
 from formulations.model.frames import to_body
-from formulations.model.schedule import time_to_next
+from formulations.model.ranging import EDGE, arrival, law_of, variance
 from formulations.solution import Status
 from obsplan.constraints import Constraints
 from obsplan.planning.candidates import first_of_the_best
@@ -41,6 +41,7 @@ from obsplan.types import Belief, Decision, Pose
 
 LEAST_PINGS = 3  # that tell the three states: east, north, heading
 SCALARS = 1  # AUVs up to which scalars are faster than matrices, which hold all candidates
+HARDLY = 1e-6  # [s] in place of no time at all, where all pings are silent
 HORIZON_POINTS = 16  # at which a candidate's arc is held against the limits
 
 Metric = Literal[
@@ -70,13 +71,14 @@ class GramianHorizon:
       simulations. ``thesis`` is exact but for the range's sensitivity to the heading, which
       (4.6) leaves out.
     - ``motion``: AUVs keep the velocity reported.
-    - ``sampling``: ranges come at the next pings, as many as the horizon holds. It is lengthened
-      to hold at least three.
+    - ``sampling``: ranges come at the next pings, as many as the horizon holds, to each AUV in its
+      slot and not while there is silence. It is lengthened to hold at least three.
     - ``block``: the Schur complement of the position is what is known of it while the heading is
       unknown.
     - ``noise``: information in units of the sensors' variances, one sample of each per ping. A
       range's variance becomes that of a squared range at the candidate's root-mean-square
-      distance over the horizon, so that distance alone earns nothing.
+      distance over the horizon, so that distance alone earns nothing. At that distance variances
+      that grow are taken, and the probability that ranges arrive, by which they count.
     - ``weighting``: weights times the trace of the reported position covariance.
 
     Under limits a candidate is discarded if it breaks one before the next decision or leaves no
@@ -216,49 +218,81 @@ class GramianHorizon:
                 horizon=self.look_ahead,
             )
         else:
-            entries = gramian_entries(self._moments(time), x, v, variant=self.gramian)
-        entries = entries if self.noise == "unit" else self._scaled(*entries)
+            entries = self._closed_form(time, x, v)
+        if self.noise == "sensor":
+            height = targets.depth - self.situation.transducer_depth
+            entries = self._scaled(entries, height, self._heard(time, targets.mean.shape[1]))
         return entries if self.block == "pose" else position_schur_expression(entries)
 
-    def _moments(self, time: Symbolic) -> DisplacementMoments:
-        """Moments of the candidates' arcs, all the time or at the next pings."""
+    @property
+    def _slots(self) -> bool:
+        """Whether AUVs have pings of their own."""
+        return self.sampling == "pings" and not self.situation.schedule.plain
+
+    def _closed_form(self, time: Symbolic, x: Entries, v: Entries | None) -> Entries:
+        """Upper triangles of the Gramians of relative positions and AUVs' velocities."""
+        build = partial(gramian_entries, variant=self.gramian)
+        if not self._slots:
+            return build(self._moments(time, 0), x, v)
+        of_each = []
+        for auv in range(x[0].shape[1]):
+            x_own = x[0][auv], x[1][auv]
+            v_own = None if v is None else (v[0][auv], v[1][auv])
+            of_each.append(build(self._moments(time, auv), x_own, v_own))
+        return tuple(ca.horzcat(*columns) for columns in zip(*of_each, strict=True))
+
+    def _moments(self, time: Symbolic, auv: int) -> DisplacementMoments:
+        """Moments of the candidates' arcs, all the time or at an AUV's next pings."""
         speed, interval = self.situation.cna.speed, self.situation.ping_interval
         if self.sampling == "continuous":
             return displacement_moments(speed, self.candidates, self.look_ahead)
-        count = round(self.look_ahead / interval)
         return ping_moments(
             speed,
             self.candidates,
-            first=time_to_next(time, interval),
+            first=self.situation.schedule.time_to_slot(time, auv),
             interval=interval,
-            count=count,
+            count=round(self.look_ahead / interval),
+            heard=self._heard_pings(time, auv) if self.situation.silent else None,
         )
 
-    def _scaled(
-        self,
-        w11: Symbolic,
-        w12: Symbolic,
-        w13: Symbolic,
-        w22: Symbolic,
-        w23: Symbolic,
-        w33: Symbolic,
-    ) -> Entries:
+    def _heard_pings(self, time: Symbolic, auv: int) -> Symbolic:
+        """1 for each of an AUV's next pings that is not silent, as a column."""
+        schedule, interval = self.situation.schedule, self.situation.ping_interval
+        after = ca.DM(interval * np.arange(round(self.look_ahead / interval)))
+        return schedule.heard(time + schedule.time_to_slot(time, auv) + after)
+
+    def _heard(self, time: Symbolic, auvs: int) -> Symbolic:
+        """For how long [s] of the horizon ranges come, to all AUVs or to each."""
+        if not (self._slots and self.situation.silent):
+            return self.look_ahead
+        counts = [ca.sum1(self._heard_pings(time, auv)) for auv in range(auvs)]
+        heard = ca.fmax(self.situation.ping_interval * ca.horzcat(*counts), HARDLY)
+        return ca.repmat(heard, self.turn_rates, 1)
+
+    def _scaled(self, entries: Entries, height: Symbolic, heard: Symbolic) -> Entries:
         """Gramian in units of the sensors' variances.
 
-        With variance 1 the heading adds the horizon T to W33, and W11 + W22 is 4 T d².
+        With variance 1 the heading adds the time T that is heard to W33, and W11 + W22 is 4 T d².
         """
-        horizon, samples = self.look_ahead, self.look_ahead / self.situation.ping_interval
-        sigma, squared = self.situation.ranging
-        of_squares = horizon if squared else w11 + w22  # a squared range's variance is 4 d² σ²
-        gain = samples / (sigma**2 * ca.if_else(of_squares > 0, of_squares, 1.0))
-        seen = samples / self.situation.heading_sigma**2
+        w11, w12, w13, w22, w23, w33 = entries
+        law, interval = law_of(self.situation.ranging), self.situation.ping_interval
+        of_squares = w11 + w22  # a squared range's variance is 4 r² σ²
+        if law.form.slant:
+            up2 = ca.repmat(ca.vec(height).T ** 2, self.turn_rates, 1)
+            of_squares += 4 * heard * up2
+        r2 = of_squares / (4 * heard)
+        if law.form.squared:
+            of_squares = heard
+        samples = arrival(law, r2, edge=EDGE) * (heard / interval)
+        gain = samples / (variance(law, r2) * ca.if_else(of_squares > 0, of_squares, 1.0))
+        seen = self.look_ahead / interval / self.situation.heading_sigma**2
         return (
             w11 * gain,
             w12 * gain,
             w13 * gain,
             w22 * gain,
             w23 * gain,
-            (w33 - horizon) * gain + seen,
+            (w33 - heard) * gain + seen,
         )
 
     def _shares(self, targets: Targets) -> Symbolic:

@@ -33,7 +33,8 @@ class PathInertia:
     thesis's rule, minimises the weighted mean difference of the eigenvalues plus
     γ (squared centre distance + |radius|). ``condition-number`` minimises the weighted mean
     condition number over the curvature, straight ahead included, and has no γ. ``score`` is the
-    weighted mean of κ(J) [-] either way.
+    weighted mean of κ(J) [-] either way. The moments are of geometry alone: how ranges err, which
+    of them come and when has no say.
 
     Without further limits the decision is a closed form, and part of the simulator's step. The
     limits and the penalty on change make it a convex program, solved at each decision by the

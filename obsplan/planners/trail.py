@@ -10,7 +10,7 @@ from formulations.solution import Status
 from obsplan.planning.checks import check_situation
 from obsplan.planning.expressions import Command, Targets, decide
 from obsplan.planning.situation import Situation
-from obsplan.planning.steering import look_ahead, turn_toward
+from obsplan.planning.steering import look_ahead, telling_distance, turn_toward
 from obsplan.quantities import POSITION
 from obsplan.types import Belief, Decision, Pose
 
@@ -21,7 +21,8 @@ class Trail:
 
     Behind and left refer to their mean heading. The velocity wanted is the centroid's plus the
     way to the place, divided by the time the vehicle needs for a look-ahead. ``score`` is the
-    squared distance from the place [m^2].
+    squared distance from the place [m^2]. Where slant ranges to AUVs at depth tell most from
+    farther than a turning diameter, it is that far behind, unless the distance is given.
     """
 
     condition_label = ""
@@ -47,7 +48,9 @@ class Trail:
         heading = ca.atan2(ca.sin(targets.mean[2, :]) @ share, ca.cos(targets.mean[2, :]) @ share)
         ahead = ca.vertcat(ca.cos(heading), ca.sin(heading))
         abeam = ca.vertcat(-ca.sin(heading), ca.cos(heading))
-        behind = look_ahead(cna) if self.behind is None else self.behind
+        behind = self.behind
+        if behind is None:
+            behind = telling_distance(self.situation, targets, look_ahead(cna))
         gap = targets.mean[:2, :] @ share - behind * ahead + self.left * abeam - pose[:2]
         wanted = targets.velocity @ share + gap * (cna.speed / look_ahead(cna))
         # cruising speed also where it is no number

@@ -20,6 +20,7 @@ ROWS = {  # of each of the targets, where AUVs are columns
     "current": 2,
     "position_covariance": 3,
     "weight": 1,
+    "depth": 1,
 }
 EACH = sum(ROWS.values())  # numbers of a call for each AUV
 CONDITION = 4  # entries of a result before the condition numbers
@@ -35,6 +36,7 @@ class Targets(NamedTuple):
     current: Symbolic  # 2 x M: the current they are carried by [m/s]
     position_covariance: Symbolic  # 3 x M: variance of east, covariance, variance of north [m^2]
     weight: Symbolic  # M
+    depth: Symbolic = 0.0  # 1 x M: of their transducers [m]
 
     @property
     def velocity(self) -> Symbolic:
@@ -167,7 +169,8 @@ def fill(given: np.ndarray, pose: Pose, auvs: Sequence[Belief], time: float) -> 
     for auv in auvs:
         (var_east, covariance), (_, var_north) = auv.covariance[:2, :2].tolist()
         given[at : at + 4] = auv.mean
-        given[at + 4 : at + EACH] = *auv.current, var_east, covariance, var_north, auv.weight
+        position = var_east, covariance, var_north
+        given[at + 4 : at + EACH] = *auv.current, *position, auv.weight, auv.depth
         at += EACH
 
 
@@ -187,8 +190,8 @@ def symbols(n_auvs: int, *, more: int = 0) -> Symbols:
     given = matrix("given", known + more)
     columns = ca.reshape(given[OWN:known], EACH, n_auvs)
     ends = np.cumsum([0, *ROWS.values()]).tolist()
-    mean, current, covariance, weight = ca.vertsplit(columns, ends)
-    targets = Targets(mean, current, covariance, weight.T)
+    mean, current, covariance, weight, depth = ca.vertsplit(columns, ends)
+    targets = Targets(mean, current, covariance, weight.T, depth)
     return Symbols(given, given[0], given[1:OWN], targets, given[known:])
 
 
@@ -215,8 +218,8 @@ def decision_function(expression: Expression, n_auvs: int, cna: Any) -> ca.Funct
     """An expression, guarded: time, pose and each of `Targets` -> each of `Command`."""
     of = matrix if isinstance(expression, Vectorized) else symbol
     time, pose, weight = of("time"), of("pose", 4), of("weight", n_auvs)
-    mean, current, covariance = (of(name, ROWS[name], n_auvs) for name in Targets._fields[:-1])
-    targets = Targets(mean, current, covariance, weight)
+    rows = {name: of(name, count, n_auvs) for name, count in ROWS.items() if name != "weight"}
+    targets = Targets(weight=weight, **rows)
     command = guarded(expression, time, pose, targets, cna)
     results = [ca.densify(result) for result in command]
     return ca.Function("decision", [time, pose, *targets], results)

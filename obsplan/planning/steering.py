@@ -2,6 +2,9 @@
 
 import casadi as ca
 
+from formulations.model.worth import best_distance
+from obsplan.planning.expressions import Symbolic, Targets
+from obsplan.planning.situation import Situation
 from obsplan.vehicles import Unicycle
 
 
@@ -26,3 +29,17 @@ def turn_toward(
     correction = cna.speed / look_ahead(cna) * ca.atan2(ca.sin(error), ca.cos(error))
     limit = (cna.speed if speed is None else speed) / cna.min_turn_radius
     return ca.fmax(-limit, ca.fmin(limit, turning + correction))
+
+
+def telling_distance(situation: Situation, targets: Targets, least: Symbolic) -> Symbolic:
+    """Distance [m] to keep: that at which ranges tell most over the AUVs' depth, at least another.
+
+    The least where there is no such distance (`formulations.model.worth.best_distance`), as there
+    is none where ranges are horizontal.
+    """
+    if not situation.ranging.slant:
+        return least
+    share = targets.weight / ca.sum1(targets.weight)
+    height = ca.vec(targets.depth - situation.transducer_depth).T @ share
+    best = best_distance(situation.ranging, height)
+    return ca.if_else(best < ca.inf, ca.fmax(least, best), least)
