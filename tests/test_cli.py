@@ -240,6 +240,7 @@ def test_lists_say_what_there_is(tmp_path):
     listed = obsplan("scenarios", cwd=tmp_path).stdout
     assert "harbor-survey" in listed
     assert "suite/keep-outs" in listed
+    assert "field/calm-lake" in listed
     text = obsplan("schema", cwd=tmp_path).stdout
     assert "min_turn_radius" in text
     assert "smallest turning radius [m]" in text
@@ -267,6 +268,7 @@ def test_shell_completes_commands_scenarios_and_planners(tmp_path):
     assert completed("obsplan camp") == ["campaign", "campaign-check", "campaign-report"]
     assert completed("obsplan run harb") == ["harbor-survey"]
     assert completed("obsplan compare suite/keep") == ["suite/keep-outs"]
+    assert completed("obsplan run field/calm") == ["field/calm-lake"]
     assert completed("obsplan compare x --planners circle,sta") == ["circle,stationary"]
 
 

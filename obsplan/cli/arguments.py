@@ -10,9 +10,9 @@ from obsplan.quantities import RUNS, SEED
 
 def scenario_names(incomplete: str) -> list[str]:
     """Shipped scenarios that begin so, for the shell to complete."""
-    from obsplan.scenario import shipped, suite
+    from obsplan.scenario import all_shipped
 
-    return [name for name in (*shipped(), *suite()) if name.startswith(incomplete)]
+    return [name for name in all_shipped() if name.startswith(incomplete)]
 
 
 def planner_names(incomplete: str) -> list[str]:

@@ -167,15 +167,16 @@ def campaign_check(
 
 
 def compare_suite(
+    name: str,
     planners: list[str],
+    *,
     runs: int,
     seed: int | None,
     settings: list[str],
     out: Path,
-    *,
     bounded: bool,
 ) -> None:
-    """Fly a campaign of planners over the suite, and say who wins where.
+    """Fly a campaign of planners over one of the suites, and say who wins where.
 
     The folder is resumed if it is there.
     """
@@ -183,19 +184,21 @@ def compare_suite(
     from obsplan.campaign.suite import missions_of, read_suite, yardsticks
     from obsplan.report import scenario_table, suite_sentences, suite_table, write_suite
     from obsplan.report.words import NO_BOUND
-    from obsplan.scenario import suite
+    from obsplan.scenario import SUITES, suite
 
-    cells = plan_cells(suite(), planners=planners, vary=settings, runs=runs, seed=seed)
+    scenarios = suite(name)
+    cells = plan_cells(scenarios, planners=planners, vary=settings, runs=runs, seed=seed)
     failed = fly(cells, out)
     table = missions_of(cells, load_campaign(out), out)
     settings = [*settings, *([] if seed is None else [f"seed={seed}"])]
     with keeping(out), progress("bounds and decision times") as advance:
-        bounds, times = yardsticks(suite(), planners, settings, advance, bounded=bounded)
+        bounds, times = yardsticks(scenarios, planners, settings, advance, bounded=bounded)
     result = read_suite(table, bounds, times)
     files = write_suite(result, out)
     show(suite_table(result))
     show(scenario_table(result))
-    for sentence in (*suite_sentences(result), *([] if bounded else [NO_BOUND])):
+    world = f"In `{name}` {SUITES[name]}."
+    for sentence in (*suite_sentences(result), *([] if bounded else [NO_BOUND]), world):
         say(sentence)
     say_written(out, f"{', '.join(files)}, campaign.csv")
     if failed:

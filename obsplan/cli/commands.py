@@ -83,7 +83,10 @@ def compare(
     out: Out = None,
     no_bound: NoBound = False,
 ) -> None:
-    """Compare planners on one scenario under the same noise, or on the whole `suite` of them."""
+    """Compare planners on one scenario under the same noise, or on a whole `suite` of them.
+
+    `suite` is a world without losses; `field` is the sea as it is.
+    """
     from obsplan.planners import PLANNERS, SLOW
     from obsplan.report import (
         compare_table,
@@ -93,11 +96,19 @@ def compare(
         write_free,
     )
     from obsplan.report.words import NO_BOUND, title
-    from obsplan.scenario import load
+    from obsplan.scenario import SUITES, load
 
     names = named(planners) or [name for name in PLANNERS if name not in SLOW]
-    if scenario == "suite":
-        compare_suite(names, runs, seed, settings or [], out or Path("suite"), bounded=not no_bound)
+    if scenario in SUITES:
+        compare_suite(
+            scenario,
+            names,
+            runs=runs,
+            seed=seed,
+            settings=settings or [],
+            out=out or Path(scenario),
+            bounded=not no_bound,
+        )
         return
     loaded = {
         name: load(scenario, planner=name, settings=settings or ()) for name in dict.fromkeys(names)
@@ -225,10 +236,10 @@ def new(
 
 
 def scenarios() -> None:
-    """List obsplan's own scenarios, and those of the suite on which planners are compared."""
-    from obsplan.scenario import load, shipped, suite
+    """List obsplan's own scenarios, and those of the suites on which planners are compared."""
+    from obsplan.scenario import all_shipped, load
 
-    names = [*shipped(), *suite()]
+    names = all_shipped()
     width = max(len(name) for name in names)
     for name in names:
         loaded = load(name)

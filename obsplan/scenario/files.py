@@ -14,6 +14,10 @@ from obsplan.spelling import nearest
 from obsplan.types import ObsplanError
 
 SHIPPED = Path(str(files("obsplan") / "scenarios"))
+SUITES = {  # folders of scenarios on which planners are compared, and their world
+    "suite": "every range is horizontal, of one instant and of constant error, and none is lost",
+    "field": "ranges, losses and currents are as at sea: each number has its source in the file",
+}
 MOST_BYTES = 20_000_000  # some 500 000 waypoints
 
 
@@ -22,9 +26,14 @@ def shipped() -> list[str]:
     return sorted(path.stem for path in SHIPPED.glob("*.toml"))
 
 
-def suite() -> list[str]:
-    """Names of the scenarios on which planners are compared."""
-    return sorted(f"suite/{path.stem}" for path in (SHIPPED / "suite").glob("*.toml"))
+def suite(folder: str = "suite") -> list[str]:
+    """Names of the scenarios of one of the `SUITES`, on which planners are compared."""
+    return sorted(f"{folder}/{path.stem}" for path in (SHIPPED / folder).glob("*.toml"))
+
+
+def all_shipped() -> list[str]:
+    """Names of all scenarios that come with the package, those of the suites last."""
+    return [*shipped(), *(name for folder in SUITES for name in suite(folder))]
 
 
 def load(name: str | Path, *, planner: str | None = None, settings: Sequence[str] = ()) -> Scenario:
@@ -61,7 +70,7 @@ def find(name: str | Path) -> Path:
 
     A shipped name means nothing else, whatever lies in the working directory.
     """
-    if str(name) in shipped() + suite():
+    if str(name) in all_shipped():
         return SHIPPED / f"{name}.toml"
     path = Path(name)
     if path.suffix != ".toml" and not os.path.exists(path):
