@@ -45,6 +45,7 @@ _HOME = {
     "Static": "surveys",
     "Stationary": "planners.stationary",
     "Status": "types",
+    "Tape": "tape",
     "Trail": "planners.trail",
     "Trajectory": "planners.trajectory",
     "Unicycle": "vehicles",
@@ -56,6 +57,7 @@ _HOME = {
     "load_campaign": "campaign",
     "simulate": "simulation",
     "to_dataset": "recording",
+    "to_tape": "simulation",
     "write_netcdf": "recording",
     "write_run": "report.files",
 }
@@ -94,11 +96,13 @@ if TYPE_CHECKING:
     from obsplan.sensors import SquaredRange as SquaredRange
     from obsplan.simulation import ClosedLoop as ClosedLoop
     from obsplan.simulation import simulate as simulate
+    from obsplan.simulation import to_tape as to_tape
     from obsplan.surveys import Formation as Formation
     from obsplan.surveys import Lawnmower as Lawnmower
     from obsplan.surveys import Reference as Reference
     from obsplan.surveys import Static as Static
     from obsplan.surveys import Waypoints as Waypoints
+    from obsplan.tape import Tape as Tape
     from obsplan.types import Belief as Belief
     from obsplan.types import Decision as Decision
     from obsplan.types import ObsplanError as ObsplanError
