@@ -194,7 +194,7 @@ def test_no_range_comes_from_beyond_reach_and_fewer_from_afar():
     apart, came = run.separation[:, 1:], run.came[0][:, 1:]
     assert not came[apart > 110.0].any()
     assert apart.max() > 150.0
-    for low, high in ((30, 50), (50, 70), (80, 105)):
+    for low, high in ((50, 80), (80, 95), (95, 110)):
         ring = (apart >= low) & (apart < high)
         p = np.mean(2.0 ** -((apart[ring] / 60.0) ** 2))
         assert abs(came[ring].mean() - p) < 4 * math.sqrt(p * (1 - p) / ring.sum())
@@ -258,15 +258,14 @@ def test_clocks_lengthen_ranges_by_the_way_sound_makes_meanwhile():
 
 def test_an_untold_speed_of_sound_scales_ranges_and_a_told_one_does_not_harm():
     wrong = scenario(
-        ranging__sound_speed=1530.0, ranging__assumed_sound_speed=1500.0, planner__kind="stationary"
+        ranging__sound_speed=1530.0, ranging__assumed_sound_speed=1500.0, duration=300.0
     )
     run = op.simulate(wrong)
     error = run.range * 1.02 - run.separation
     assert np.nanstd(error) < 1.3
     assert abs(np.nanmean(error)) < 0.4
-    told = np.nanmean(run.nees[:, 60:])
-    untold = wrong.replace(estimator__ranging={"sound_speed": 1500.0})
-    assert told < 5 < np.nanmean(op.simulate(untold).nees[:, 60:])
+    untold = op.simulate(wrong.replace(estimator__ranging={"sound_speed": 1500.0}))
+    assert np.nanmean(untold.nees[:, 60:]) > 5 * np.nanmean(run.nees[:, 60:])
 
 
 def test_a_relative_error_holds_for_a_mission_and_differs_between_missions():
