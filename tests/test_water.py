@@ -3,8 +3,17 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
+from oracles import arc
 
+import obsplan as op
+from obsplan.constraints import Stream, loiter_violation
 from obsplan.estimators import Ekf
+from obsplan.planners import planner_class
+from obsplan.planners.circle import Circle
+from obsplan.planners.whole_mission import WholeMission
+from obsplan.planning.filed import Filed
+from obsplan.planning.limits import within_limits
+from obsplan.planning.water import in_the_water
 from obsplan.sensors import SPEED_SENSORS, Dvl, WaterSpeed
 from obsplan.sensors.sensor import BEACON
 from obsplan.vehicles import STATES
@@ -145,3 +154,181 @@ def test_a_log_errs_by_the_same_everywhere(cls):
     for sensor in cls(sigma=0.07).components([*STATES]):
         assert sensor.deviation(ca.SX.zeros(4), ca.SX.zeros(len(BEACON))) == 0.07
         assert not sensor.periodic
+
+
+# the aid vehicle in the water that carries it
+
+CNA = op.Unicycle(speed=2.0, min_turn_radius=5.0)
+FLOW = (0.25, -0.5)  # binary fractions: differences are exact
+POSE = op.Pose(3.0, -2.0, 0.4, 0.1)
+TIMES = np.arange(0.0, 40.0)
+
+
+def beliefs(flow, *, with_route=True):
+    """Two AUVs in water that flows: one on a bent route, one that is dead-reckoned."""
+    P = np.diag([9.0, 4.0, 0.01, 0.04])
+
+    def route(t):
+        bend = np.stack([30.0 + t, 10.0 + np.maximum(t - 8.0, 0.0)], axis=-1)
+        return bend + np.asarray(t)[:, None] * flow
+
+    return [
+        op.Belief(
+            mean=np.array([30.0, 10.0, 0.0, 1.0]),
+            covariance=P,
+            process_noise=(0.05, 0.01, 0.02),
+            current=flow,
+            route=route if with_route else None,
+        ),
+        op.Belief(
+            mean=np.array([-20.0, 15.0, 2.0, 1.25]),
+            covariance=2 * P,
+            process_noise=(0.05, 0.01, 0.02),
+            weight=2.0,
+            current=flow,
+        ),
+    ]
+
+
+DECIDING = [
+    ("centroid-orbit", {}),
+    ("error-ellipse", {}),
+    ("gramian", {}),
+    ("gramian", {"motion": "constant-velocity", "sampling": "pings"}),
+    ("information", {}),
+    ("path-inertia", {}),
+    ("trail", {}),
+    ("trajectory", {}),
+]
+AT_REST = [("path-inertia", {}), ("gramian", {})]  # what they take AUVs to be, whatever is told
+
+
+@pytest.mark.parametrize(("name", "options"), DECIDING)
+def test_in_water_that_carries_all_alike_decisions_are_those_in_still_water(name, options):
+    """Only the difference of the currents counts (thesis 3.7, 3.8)."""
+    cls = planner_class(name)
+    still = cls(op.Situation(CNA, ping_interval=4.0), **options)
+    carried = cls(op.Situation(CNA, ping_interval=4.0, current=FLOW), **options)
+    rest = still.plan(POSE, beliefs((0.0, 0.0)), time=1.0)
+    flowing = carried.plan(POSE, in_the_water(beliefs(FLOW), FLOW), time=1.0)
+    np.testing.assert_allclose(flowing.turn_rate, rest.turn_rate, atol=1e-6)
+    np.testing.assert_allclose(flowing.speed, rest.speed, rtol=1e-9)
+    np.testing.assert_allclose(flowing.path, rest.path, atol=1e-6)
+    np.testing.assert_allclose(flowing.score, rest.score, rtol=1e-8)
+    assert flowing.status == rest.status
+    # and the difference does count
+    told = still.plan(POSE, beliefs(FLOW), time=1.0)
+    alike = told.turn_rate == pytest.approx(rest.turn_rate) and told.score == pytest.approx(
+        rest.score
+    )
+    assert alike == ((name, options) in AT_REST)
+
+
+def test_beliefs_in_still_water_are_told_as_they_are():
+    known = beliefs((0.0, 0.0))
+    for told_of, auv in zip(in_the_water(known, (0.0, 0.0)), known, strict=True):
+        assert told_of is auv
+
+
+def filed(flow):
+    """One AUV's survey, carried along, as filed for 40 s."""
+    heading = np.where(TIMES < 20.0, 0.0, 1.5)[:, None]
+    east = np.minimum(TIMES, 20.0) + np.maximum(TIMES - 20.0, 0.0) * math.cos(1.5)
+    north = np.maximum(TIMES - 20.0, 0.0) * math.sin(1.5)
+    position = np.stack([east, north], axis=-1) + TIMES[:, None] * flow
+    return Filed(
+        time=TIMES,
+        position=position[:, None],
+        heading=heading,
+        speed=np.ones_like(heading),
+        covariance=np.diag([9.0, 4.0, 0.01, 0.04])[None],
+        process_noise=np.array([[0.05, 0.05, 0.01, 0.02]]),
+        weights=np.ones(1),
+    )
+
+
+def test_a_whole_mission_in_water_that_carries_all_alike_is_that_in_still_water():
+    start = op.Pose(20.0, -10.0, 0.5)
+    turns = []
+    for flow in ((0.0, 0.0), FLOW):
+        situation = op.Situation(CNA, ping_interval=4.0, filed=filed(flow), current=flow)
+        planner = WholeMission(situation, starts=2)
+        turns.append(planner.open_loop(start).turn_rates)
+        # followed over ground it remains the plan
+        pose = np.array([start.x, start.y, start.heading])
+        for k in range(8):
+            decision = planner.plan(op.Pose(*pose), beliefs(flow), time=float(k))
+            pose = drifted(pose, decision, flow, 1.0)
+            assert decision.turn_rate == turns[-1][k // 2]
+    np.testing.assert_allclose(turns[1], turns[0], atol=1e-6)
+
+
+def drifted(pose, decision, flow, t):
+    """Pose over ground after a time on an arc in water that flows."""
+    return arc(pose, decision.turn_rate, decision.speed, t) + np.array([*flow, 0.0]) * t
+
+
+def flown(planner, flow, start, auvs, decisions):
+    """Positions over ground, ten a second, of a vehicle that is carried and decides each second."""
+    situation, pose, track = planner.situation, start, []
+    for k in range(decisions):
+        at, seen = op.Pose(*pose), in_the_water(auvs, situation.current)
+        decision = planner.plan(at, seen, time=float(k))
+        if not hasattr(planner, "constraints"):
+            decision = within_limits(decision, at, seen, situation)
+        track += [drifted(pose, decision, flow, t)[:2] for t in np.linspace(0.1, 1.0, 10)]
+        pose = drifted(pose, decision, flow, 1.0)
+    return np.array(track)
+
+
+def test_the_circle_is_kept_over_ground_in_a_current_that_carries_the_vehicle():
+    off = {}
+    for told_of in ((0.4, 0.3), (0.0, 0.0)):
+        planner = Circle(op.Situation(CNA, current=told_of), center=(10.0, 5.0), radius=40.0)
+        track = flown(planner, (0.4, 0.3), (50.0, 5.0, math.pi / 2), [], 120)
+        off[told_of] = np.abs(np.hypot(*(track[300:] - (10.0, 5.0)).T) - 40.0).max()
+    assert off[0.4, 0.3] < 0.25 * off[0.0, 0.0]
+    assert off[0.4, 0.3] < 1.0
+
+
+FENCE = op.Constraints(geofence=op.Disc(x=0.0, y=0.0, radius=45.0))
+
+
+@pytest.mark.parametrize("name", ["information", "gramian", "trail"])
+def test_limits_are_kept_over_ground_in_a_current_that_carries_the_vehicle(name):
+    """AUVs at rest over ground outside the fence, downstream: what planners like lies beyond it."""
+    flow = (0.8, 0.4)
+    auvs = [op.Belief.at(70.0, 30.0, covariance=np.diag([9.0, 4.0, 0.01, 0.04]))]
+    farthest = []
+    for told_of in (flow, (0.0, 0.0)):
+        situation = op.Situation(CNA, ping_interval=4.0, current=told_of, constraints=FENCE)
+        planner = planner_class(name)(situation, **({"stages": 4} if name == "information" else {}))
+        track = flown(planner, flow, (10.0, 0.0, 0.0), auvs, 60)
+        farthest.append(np.hypot(*track.T).max())
+    assert 30.0 < farthest[0] <= 45.0 + 1e-3
+    assert farthest[1] > 45.1  # who is not told the current is carried out
+
+
+def test_a_loiter_in_a_current_is_within_the_line_that_its_limit_is_looked_at_on():
+    """A turn until it heads upstream, the way of a whole turn against the current, a turn."""
+    rng = np.random.default_rng(4)
+    for _ in range(30):
+        pose = np.array([*rng.normal(0.0, 10.0, 2), rng.uniform(-7.0, 7.0)])
+        bearing = rng.uniform(-np.pi, np.pi)
+        c = rng.uniform(0.1, 1.2) * np.array([math.cos(bearing), math.sin(bearing)])
+        around = 2 * np.pi * CNA.min_turn_radius / CNA.speed
+        found = loiter_violation(FENCE, pose, 5.0, Stream(tuple(c.tolist()), around))
+        for side, sign in enumerate((1.0, -1.0)):
+            rate = sign * CNA.max_turn_rate
+            until = ((bearing + np.pi - pose[2]) * sign % (2 * np.pi)) / CNA.max_turn_rate
+            way = np.hypot(*c) * around
+            legs = [(rate, until), (0.0, way / (CNA.speed - np.hypot(*c))), (rate, around)]
+            place, track = pose, []
+            for turn, lasts in legs:
+                leg = op.Decision(turn_rate=turn, speed=CNA.speed)
+                track += [drifted(place, leg, c, t) for t in np.linspace(0.0, lasts, 200)]
+                place = track[-1]
+            farthest = np.hypot(*np.array(track)[:, :2].T).max() - 45.0
+            assert farthest <= found[side] + 1e-9
+            # and it is no farther than a turn's drift beyond what is sailed
+            assert found[side] <= farthest + way + way / 16 + 1e-9

@@ -307,15 +307,17 @@ class OpenLoopPlan:
     stream: Stream = STILL
 
     def passes(self, pose: Pose, time: float) -> bool:
-        """Whether the plan has the vehicle at a pose at a time."""
+        """Whether the plan has the vehicle at a pose at a time.
+
+        Water that flows may take it elsewhere than was known before: there its heading alone tells.
+        """
         if time < self.begin:
             return False
         x, y, heading = self.poses(self.start, self.begin, time)[-1]
-        east, north = self.stream.drift(np.array(time - self.begin))
         turned = np.remainder(heading - pose.heading + np.pi, 2 * np.pi) - np.pi
-        return bool(
-            np.hypot(x + east - pose.x, y + north - pose.y) < ON_PLAN and abs(turned) < ON_PLAN
-        )
+        away = math.hypot(x - pose.x, y - pose.y)
+        carried = bool(self.stream) and time > self.begin
+        return bool(abs(turned) < ON_PLAN and (carried or away < ON_PLAN))
 
     def poses(self, pose: Pose, begin: float, end: float) -> Float[np.ndarray, "some 3"]:
         """Poses (east, north, heading) at the ends of the turns between two times, from a pose."""
