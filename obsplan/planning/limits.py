@@ -47,11 +47,9 @@ class LimitsAhead:
         there = self.situation.stream.over_ground(positions, times)
         return limits.violation(there, self._positions, self.margin)
 
-    def numbers(self) -> Limits | None:
-        """`along` as machine code asks it, which knows no current: None where one carries."""
+    def numbers(self) -> Limits:
+        """`along` as machine code asks it."""
         limits = self.situation.constraints
-        if self.situation.stream:
-            return None
         return Limits(
             areas=self.situation.areas,
             min_separation=limits.min_separation,
@@ -59,6 +57,7 @@ class LimitsAhead:
             rounding=ROUNDING,
             margin=self.margin,
             expected=self.expected,
+            drift=self.situation.stream.drift,
         )
 
     def first_move(
