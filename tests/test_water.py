@@ -12,7 +12,7 @@ from obsplan.planners import planner_class
 from obsplan.planners.circle import Circle
 from obsplan.planners.whole_mission import WholeMission
 from obsplan.planning.filed import Filed
-from obsplan.planning.limits import within_limits
+from obsplan.planning.limits import LimitsAhead, within_limits
 from obsplan.planning.water import in_the_water
 from obsplan.sensors import SPEED_SENSORS, Dvl, WaterSpeed
 from obsplan.sensors.sensor import BEACON
@@ -40,10 +40,12 @@ def test_current_is_linear_between_the_depths_of_a_profile_which_adds_to_the_uni
 
 
 def test_tide_is_greatest_at_its_phase_and_turns_half_a_period_later():
-    water = Water(current=(0.1, 0.0), tide=Tide(amplitude=(0.3, -0.4), period=4000.0, phase=np.pi))
+    water = Water(
+        current=(0.1, 0.0), tide=Tide(amplitude=(0.3, -0.4), period=4000.0, phase=np.pi / 2)
+    )
     times = np.array([0.0, 1000.0, 2000.0, 3000.0])
     found = water.at(times, 5.0) - (0.1, 0.0)
-    np.testing.assert_allclose(found, [[-0.3, 0.4], [0, 0], [0.3, -0.4], [0, 0]], atol=1e-15)
+    np.testing.assert_allclose(found, [[0, 0], [0.3, -0.4], [0, 0], [-0.3, 0.4]], atol=1e-15)
 
 
 def test_mean_is_that_over_a_tide_and_the_strongest_current_is_never_exceeded():
@@ -307,6 +309,15 @@ def test_limits_are_kept_over_ground_in_a_current_that_carries_the_vehicle(name)
         farthest.append(np.hypot(*track.T).max())
     assert 30.0 < farthest[0] <= 45.0 + 1e-3
     assert farthest[1] > 45.1  # who is not told the current is carried out
+
+
+def test_the_way_to_the_next_decision_is_held_against_limits_where_it_is_over_ground():
+    """Straight on at 2 m/s east for 10 s, carried at 1 m/s north over the middle of a keep-out."""
+    around = op.Constraints(keep_out=(op.Disc(x=10.0, y=5.0, radius=4.0),))
+    situation = op.Situation(CNA, decision_interval=10.0, constraints=around, current=(0.0, 1.0))
+    broken = LimitsAhead(situation, []).first_move(np.zeros(3), np.zeros(1), 2.0)
+    # the radius, and half the way between two of sixteen points
+    np.testing.assert_allclose(broken, 4.0 + 0.5 * 3.0 * 10.0 / 16)
 
 
 def test_a_loiter_in_a_current_is_within_the_line_that_its_limit_is_looked_at_on():
