@@ -108,4 +108,4 @@ class Water:
         steady = self.mean(depth)
         tidal = np.zeros(2) if self.tide is None else np.array(self.tide.amplitude)
         flood, ebb = steady + tidal, steady - tidal  # the speed is convex between them
-        return np.maximum(np.hypot(*np.moveaxis(flood, -1, 0)), np.hypot(*np.moveaxis(ebb, -1, 0)))
+        return np.asarray(np.linalg.norm([flood, ebb], axis=-1).max(axis=0))

@@ -163,7 +163,7 @@ class Scenario(Equipment):
                 f'leader "{survey.leader}" is not an AUV listed before "{auv.name}"; '
                 f"listed are {list(done) or 'none'}: name one of them, or list the leader first"
             )
-        return survey.follow(done[survey.leader])
+        return survey.follow(done[survey.leader], current)
 
     def _mission(self, survey: MissionSurvey, *, paced: bool) -> Waypoints:
         """The track of a mission file, with its holds and, where it sets the pace, its speeds."""
