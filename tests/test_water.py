@@ -3,7 +3,7 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
-from oracles import arc
+from oracles import Spy, arc, scenario
 
 import obsplan as op
 from obsplan.constraints import Stream, loiter_violation
@@ -343,3 +343,131 @@ def test_a_loiter_in_a_current_is_within_the_line_that_its_limit_is_looked_at_on
             assert farthest <= found[side] + 1e-9
             # and it is no farther than a turn's drift beyond what is sailed
             assert found[side] <= farthest + way + way / 16 + 1e-9
+
+
+# scenarios
+
+TIDE = {"amplitude": [0.2, -0.1], "period": 60.0, "phase_deg": 90.0}
+WATER = {
+    "current": [0.1, 0.05],
+    "current_profile": [[0.0, 0.2, 0.0], [20.0, 0.0, 0.1]],
+    "tide": TIDE,
+}
+QUIET = {"position": 0.0, "heading_deg": 0.0, "speed": 0.0}
+
+
+def gone(time):
+    """How far the tide has gone, in steps of half a second."""
+    rate = 2 * np.pi / 60.0
+    flow = np.sin(rate * time[:-1])[:, None] * (0.2, -0.1)  # cos(x - 90 degrees)
+    return np.concatenate([np.zeros((1, 2)), np.cumsum(0.5 * flow, axis=0)])
+
+
+@pytest.mark.parametrize("planner", ["trail", "information"])  # folded into the step, and called
+def test_a_carried_aid_vehicle_sails_its_arcs_in_the_surface_current_and_others_over_ground(
+    planner,
+):
+    for carried in (True, False):
+        run = op.simulate(scenario(environment=WATER, cna__carried=carried, planner__kind=planner))
+        pose, expected = run.cna[0], [run.cna[0]]
+        for turn_rate, speed in zip(run.turn_rate[:-1], run.speed[:-1], strict=True):
+            pose = arc(pose, turn_rate, speed, 0.5)
+            expected.append(pose)
+        drift = gone(run.time) + run.time[:, None] * (0.3, 0.05)
+        expected = np.array(expected)
+        # arcs do not depend on where they begin
+        expected[:, :2] += carried * drift
+        np.testing.assert_allclose(run.cna, expected, atol=1e-9)
+
+
+def test_auvs_steer_for_the_mean_current_at_their_depth_and_the_tide_carries_them_off():
+    mission = scenario(
+        environment=WATER,
+        auv__0__depth=10.0,
+        auv__0__process_noise=QUIET,
+        auv__1__depth=[0.0, 20.0],
+        auv__1__process_noise=QUIET,
+    )
+    assert mission.assumed_currents[0] == pytest.approx((0.1 + 0.1, 0.05 + 0.05))
+    assert mission.assumed_currents[1] == pytest.approx((0.1 + 0.1, 0.05 + 0.05))
+    run = op.simulate(mission)
+    off = run.truth[0, :, :2] - mission.motions[0].position
+    np.testing.assert_allclose(off, gone(run.time), atol=1e-9)
+    # the other's own depth is more or less than what it counts on
+    share = mission.depths[:-1, 1] / 20.0
+    excess = np.stack([0.2 - 0.2 * share - 0.1, 0.1 * share - 0.05], axis=-1)
+    off = run.truth[1, :, :2] - mission.motions[1].position - gone(run.time)
+    np.testing.assert_allclose(off[1:], np.cumsum(0.5 * excess, axis=0), atol=1e-9)
+
+
+def test_planners_are_told_currents_relative_to_what_carries_the_vehicle():
+    for carried, flow in ((True, (-0.1, 0.05)), (False, (0.2, 0.1))):
+        mission = scenario(
+            environment=WATER, cna__carried=carried, auv__0__depth=10.0, duration=3.0
+        )
+        spy = Spy(mission.planner())
+        op.simulate(mission, planner=spy)
+        for _, _, auvs, _ in spy.said:
+            assert auvs[0].current == pytest.approx(flow)
+
+
+def test_an_expression_is_told_of_the_water_what_plan_is_told():
+    mission = scenario(environment=WATER, cna__carried=True, planner__kind="centroid-orbit")
+    folded = op.simulate(mission)
+    called = op.simulate(mission, planner=Spy(mission.planner()))
+    np.testing.assert_allclose(folded.cna, called.cna, atol=1e-9)
+
+
+def test_a_follower_keeps_its_place_in_water_of_its_own():
+    mission = scenario(
+        environment={"current_profile": [[0.0, 0.3, 0.0], [20.0, 0.0, 0.1]]},
+        auv__0__depth=20.0,
+        auv__0__process_noise=QUIET,
+        auv__1={
+            "name": "b",
+            "survey": {"kind": "formation", "leader": "a", "east": 5.0, "north": 3.0},
+        },
+    )
+    run = op.simulate(mission)
+    apart = run.truth[1, :, :2] - run.truth[0, :, :2]
+    np.testing.assert_allclose(apart, np.broadcast_to((5.0, 3.0), apart.shape), atol=1e-9)
+
+
+def test_a_dvl_beside_ranges_tells_a_filter_its_current_and_the_bound_counts_it():
+    """A filter that is told a wrong current, and has a DVL, is better off than one without."""
+    found = {}
+    for kind in (None, "water-speed", "dvl"):
+        sensor = {} if kind is None else {"auv__0__speed_sensor": {"kind": kind, "sigma": 0.01}}
+        mission = scenario(
+            environment__current=[0.3, 0.0],
+            estimator={"kind": "ekf", "current": [0.3, 0.0]},
+            planner__kind="circle",
+            **sensor,
+        )
+        run = op.simulate(mission, seed=4)
+        found[kind] = run
+    variance = {kind: run.cramer_rao[0, -1, 3, 3] for kind, run in found.items()}
+    assert variance["water-speed"] < 0.1 * variance[None]
+    assert variance["dvl"] == pytest.approx(variance["water-speed"], rel=0.05)
+    for kind, run in found.items():
+        # the filter knows how well it knows: the bound along the truth is its own, nearly
+        assert run.covariance[0, -1, 3, 3] == pytest.approx(variance[kind], rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            {"environment": {"current_profile": [[5.0, 0.0, 0.0], [5.0, 0.1, 0.0]]}},
+            "environment: profile must have increasing depths, got 5.0 after 5.0: order it",
+        ),
+        ({"environment": {"tide": {"amplitude": [0.1, 0.0], "period": 1.0}}}, "tide.period .*60"),
+        ({"environment": {"tide": {"amplitude": [3.0, 0.0]}}}, "up to 3 m/s .* too strong"),
+        ({"auv__0__speed_sensor": {"kind": "dvl", "interval": 0.7}}, "speed_sensor.interval"),
+        ({"auv__0__speed_sensor": {"kind": "dvl", "sigma": 0.0}}, "sigma .*0.0001"),
+        ({"auv__0__speed_sensor": {"kind": "pitot"}}, "speed_sensor.*pitot"),
+    ],
+)
+def test_water_and_logs_that_cannot_be_are_refused_by_key(change, said):
+    with pytest.raises(op.ObsplanError, match=said):
+        scenario(**change)
