@@ -99,6 +99,7 @@ VESSEL_SPEED = Quantity(1e-3, 50.0, "m/s", "slower is a station, and no vessel i
 AUV_SPEED = Quantity(0.0, 10.0, "m/s", "no survey AUV is faster")
 AUV_SURGE = Quantity(-10.0, 10.0, "m/s", "no survey AUV is faster, ahead or astern")
 CURRENT = Quantity(-10.0, 10.0, "m/s", "no tidal stream is faster")
+TIDE_PERIOD = Quantity(60.0, 2_678_400.0, "s", "a minute to a month")
 TURN_ACCELERATION = Quantity(1e-6, 100.0, "rad/s^2", "no vessel turns harder")
 
 # time
@@ -114,8 +115,10 @@ SQUARED_RANGE_SIGMA = Quantity(
     1e-3, 10e9, "m^2", "that of a millimetre at half a metre, to the square of what the map holds"
 )
 COMPASS_SIGMA = Quantity(1e-3, 180.0, "degrees", "no compass is better than 0.001 degrees")
+COMPASS_BIAS = Quantity(-180.0, 180.0, "degrees", "a compass that errs by half a turn points back")
 ANGLE_SIGMA = Quantity(0.0, 360.0, "degrees", "a whole turn is to know nothing")
 SPEED_SIGMA = Quantity(0.0, 50.0, "m/s", "no vessel is faster")
+LOG_SIGMA = Quantity(1e-4, 50.0, "m/s", "no log is better than 0.1 mm/s")
 POSITION_WALK = Quantity(0.0, 100.0, "m/sqrt(s)", "100 m in a second is no dead reckoning")
 SPEED_WALK = Quantity(0.0, 10.0, "m/s/sqrt(s)", "no survey AUV is faster than that")
 

@@ -22,6 +22,7 @@ from obsplan.estimators.jacobian import informations, predictions, transitions
 from obsplan.kept_bounds import KEPT
 from obsplan.scenario import Scenario
 from obsplan.scenario.states import first_covariance, noise
+from obsplan.scenario.tables import aids_of
 from obsplan.sensors import BEACON, Range, SquaredRange
 from obsplan.types import ObsplanError
 
@@ -229,9 +230,8 @@ class Run:
 
     def _posterior(self, *, aided: bool = True) -> Iterator[Float[np.ndarray, "samples n n"]]:
         """Posterior Cramér-Rao bound of each AUV, of compass and, if aided, ranges."""
-        of_compass = self._compass_information()
         for i, (P0, Q) in enumerate(zip(*self._covariances, strict=True)):
-            J = of_compass.copy()
+            J = self._own_information(i)
             if aided:
                 for b in range(len(self.ranges)):
                     pings = np.flatnonzero(self.came[b, i])
@@ -271,7 +271,7 @@ class Run:
             found[:, 5] = aid.turn_rate[before]
         found[:, 6] = beacon.depth
         found[:, 7] = self.scenario.depths[samples, i]
-        found[:, 8:] = self.scenario.table.environment.current
+        found[:, 8:] = self.scenario.currents[samples, i]
         return found
 
     @property
@@ -329,11 +329,11 @@ class Run:
         return derived["information_bounds"]
 
     def _certified(self, progress: Progress) -> tuple[InformationBound, ...]:
-        auvs, J = len(self.names), self._compass_information()
-        bounds = []
+        auvs, bounds = len(self.names), []
         for i, (P0, Q) in enumerate(zip(*self._covariances, strict=True)):
             tell = partial(_tell, progress, i, auvs)
             F, pings = self._transitions(i), np.flatnonzero(self.came[0, i])
+            J = self._own_information(i)
             sigma = self._least_sigma(i, pings)
             bounds.append(KEPT.bound(P0, F, Q, J, pings=pings - 1, sigma=sigma, progress=tell))
         return tuple(bounds)
@@ -346,7 +346,10 @@ class Run:
         if self.scenario.ranging_kind == "range":
             return np.full(pings.size, sigma)
         start = np.hypot(*np.moveaxis(self.truth[i, pings, :2] - self.cna[0, :2], -1, 0))
-        return sigma / (2 * (start + self.scenario.cna.speed * self.time[pings]))
+        fastest = self.scenario.cna.speed
+        if aids_of(self.scenario.table)[0].carried:
+            fastest += float(self.scenario.water.strongest(0.0))
+        return sigma / (2 * (start + fastest * self.time[pings]))
 
     @property
     def _covariances(self) -> tuple[np.ndarray, np.ndarray]:
@@ -361,11 +364,14 @@ class Run:
         dt, vehicle = self.scenario.table.time_step, self.scenario.vehicles[i]
         return transitions(vehicle, self.truth[i, :-1], dt)
 
-    def _compass_information(self) -> Float[np.ndarray, "steps n n"]:
-        """What the heading measured on arrival at each sample after the first tells of states."""
-        n = self.truth.shape[-1]
+    def _own_information(self, i: int) -> Float[np.ndarray, "steps n n"]:
+        """What an AUV's compass and log tell of its state on arrival at each sample."""
+        n, every = self.truth.shape[-1], self.scenario.log_every[i]
         J = np.zeros((self.time.size - 1, n, n))
         J[:, 2, 2] = self.scenario.heading_sensor.sigma**-2
+        due = np.arange(every, self.time.size, every) if every else np.empty(0, dtype=int)
+        for sensor in self.scenario.true_logs[i]:
+            J[due - 1] += informations(sensor, self.truth[i, due], self._beacon(0, i, due))
         return J
 
     @property

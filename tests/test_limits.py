@@ -251,7 +251,9 @@ def test_machine_code_looks_at_branches_as_the_limits_say(fence, apart, auvs):
     rng = np.random.default_rng(auvs)
     keep_out = (STAR, Disc(x=-60.0, y=-20.0, radius=25.0), SQUARE)[: 3 if auvs else 0]
     situation = op.Situation(
-        CNA, constraints=Constraints(keep_out=keep_out, geofence=fence, **apart)
+        CNA,
+        constraints=Constraints(keep_out=keep_out, geofence=fence, **apart),
+        current=(0.5, -0.7) if auvs == 1 else (0.0, 0.0),
     )
     beliefs = [
         op.Belief.at(*rng.uniform(-40, 40, 2), heading=0.3, speed=1.0, covariance=np.eye(4))

@@ -21,7 +21,7 @@ POINTER, INTEGER = ctypes.c_void_p, ctypes.c_int64
 class _Limits(ctypes.Structure):
     _fields_ = (
         *((name, INTEGER) for name in ("areas", "auvs", "points")),
-        *((name, POINTER) for name in ("area", "first", "edge", "apart", "margin", "auv")),
+        *((name, POINTER) for name in ("area", "first", "edge", "apart", "margin", "auv", "drift")),
     )
 
 
@@ -69,6 +69,8 @@ class Limits:
     rounding: float  # [m] that a path is looked at farther than it reaches
     margin: Float[np.ndarray, " M"]  # [m] kept from each AUV besides
     expected: Callable[[Float[np.ndarray, " T"]], Float[np.ndarray, "T M 2"]]  # of AUVs [m]
+    # how far the water that carries the vehicle goes in times from now [m]
+    drift: Callable[[Float[np.ndarray, " T"]], Float[np.ndarray, "T 2"]]
 
     @property
     def apart(self) -> Float[np.ndarray, "4"]:
@@ -84,6 +86,7 @@ class Looking:
         self,
         limits: Limits,
         auvs: Float[np.ndarray, "T M 2"],
+        drift: Float[np.ndarray, "T 2"],
         pose: Float[np.ndarray, "B 3"],
         ahead: Float[np.ndarray, "K T"],
         aside: Float[np.ndarray, "K T"],
@@ -91,11 +94,11 @@ class Looking:
         areas, apart = limits.areas, limits.apart
         x, y, heading = np.ascontiguousarray(pose.T)
         cos, sin = np.cos(heading), np.sin(heading)
-        given = [areas.area, areas.first, areas.edge, apart, limits.margin, auvs]
+        given = [areas.area, areas.first, areas.edge, apart, limits.margin, auvs, drift]
         self._kept = [*given, x, y, cos, sin, ahead, aside]
         pointers = [address(array) if array.size else None for array in self._kept]
-        self._limits = _Limits(len(areas.area), limits.margin.size, len(auvs), *pointers[:6])
-        self._branches = _Branches(len(ahead), *pointers[6:])
+        self._limits = _Limits(len(areas.area), limits.margin.size, len(auvs), *pointers[:7])
+        self._branches = _Branches(len(ahead), *pointers[7:])
 
     def __call__(self, these: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """How far each of them does [m], 0 where it breaks none."""

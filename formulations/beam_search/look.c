@@ -14,6 +14,7 @@ struct limits {
   const double* apart;   /* least and greatest separation, whether there is one, rounding */
   const double* margin;  /* of each AUV */
   const double* auv;     /* at each point: of each AUV, east and north */
+  const double* drift;   /* at each point: how far the water has gone, east and north */
 };
 
 struct branches {
@@ -91,8 +92,8 @@ void look(int64_t count, const int64_t* these, const struct branches* from,
     for (int64_t t = 0; t < of->points; ++t) {
       const double ahead = from->ahead[of->points * turn + t];
       const double aside = from->aside[of->points * turn + t];
-      x[t] = from->x[parent] + cos * ahead - sin * aside;
-      y[t] = from->y[parent] + sin * ahead + cos * aside;
+      x[t] = from->x[parent] + cos * ahead - sin * aside + of->drift[2 * t];
+      y[t] = from->y[parent] + sin * ahead + cos * aside + of->drift[2 * t + 1];
     }
     broken[i] = worst_along(of, x, y);
   }

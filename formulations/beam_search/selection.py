@@ -47,6 +47,7 @@ class Feasibility:
         if self.limits is not None:
             expected = self.limits.expected(self.times.ravel())
             self._auvs = expected.reshape(*self.times.shape, -1, 2)
+            self._drift = self.limits.drift(self.times.ravel()).reshape(*self.times.shape, 2)
 
     def best(
         self,
@@ -70,7 +71,8 @@ class Feasibility:
         ahead, aside = _ways(rates, self.speed, duration)
         times = self.times[self.stage]
         if self.limits is not None:
-            return Looking(self.limits, self._auvs[self.stage], pose, ahead, aside)
+            auvs, drift = self._auvs[self.stage], self._drift[self.stage]
+            return Looking(self.limits, auvs, drift, pose, ahead, aside)
         x, y, heading = pose[..., None].swapaxes(0, 1)
         cos, sin = np.cos(heading), np.sin(heading)
 

@@ -11,11 +11,9 @@ from formulations.solution import Status
 from obsplan.planning.checks import check_situation
 from obsplan.planning.expressions import Command, Targets, decide
 from obsplan.planning.situation import Situation
-from obsplan.planning.steering import look_ahead, telling_distance, turn_toward
+from obsplan.planning.steering import look_ahead, telling_distance, turn_along
 from obsplan.quantities import LENGTH
 from obsplan.types import Belief, Decision, Pose
-
-STEEPEST = 0.99  # sine of the largest crab angle: beyond it the vehicle cannot keep up anyway
 
 
 @dataclass(frozen=True)
@@ -65,13 +63,7 @@ class CentroidOrbit:
         tangent = ca.atan2(away[1], away[0]) + sense * (
             np.pi / 2 + ca.atan(outside / look_ahead(cna))
         )
-        # the centroid's velocity along the tangent and to its left
-        along, abeam = rotated(-tangent, velocity)
-        crab = ca.asin(ca.fmax(-STEEPEST, ca.fmin(STEEPEST, abeam / cna.speed)))
-        ahead = cna.speed * ca.cos(crab)
-        turning = sense * (ahead - along) / radius  # of the tangent
-        # the crab turns back by as much
-        turn_rate = turn_toward(cna, pose[2], tangent + crab, turning=turning * (1 - along / ahead))
+        turn_rate = turn_along(cna, pose[2], tangent, velocity=velocity, radius=radius, sense=sense)
         none = ca.SX.nan(1, targets.mean.shape[1])
         return Command(turn_rate, ca.SX(cna.speed), outside**2, none, ca.SX(float(Status.OPTIMAL)))
 
@@ -85,9 +77,3 @@ class CentroidOrbit:
             + 2.0 * self.situation.cna.min_turn_radius
         )
         return telling_distance(self.situation, targets, enclosing)
-
-
-def rotated(angle: ca.SX, vector: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Components of a vector turned counter-clockwise."""
-    c, s = ca.cos(angle), ca.sin(angle)
-    return c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]

@@ -13,7 +13,7 @@ from obsplan.constraints import Disc
 from obsplan.planning.checks import check_situation
 from obsplan.planning.expressions import Command, Targets, evaluate
 from obsplan.planning.situation import Situation
-from obsplan.planning.steering import look_ahead, turn_toward
+from obsplan.planning.steering import look_ahead, turn_along
 from obsplan.quantities import LENGTH
 from obsplan.types import Belief, Decision, Point, Pose, as_point
 
@@ -23,9 +23,9 @@ class Circle:
     """Follow a circle counter-clockwise.
 
     Away from the circle the vehicle steers to its tangent, with a look-ahead of the smallest
-    turning diameter. Over AUVs at depth the circle about the survey may be too small for slant
-    ranges to tell much of the position; it is as it is, unless the radius is given
-    (`formulations.model.worth.best_distance`).
+    turning diameter. In a current that carries it, it crabs to stay on it. Over AUVs at depth the
+    circle about the survey may be too small for slant ranges to tell much of the position; it is as
+    it is, unless the radius is given (`formulations.model.worth.best_distance`).
     """
 
     condition_label = ""
@@ -95,7 +95,7 @@ class Circle:
         east, north = pose[0] - circle.x, pose[1] - circle.y
         outside = ca.sqrt(east**2 + north**2) - circle.radius
         course = ca.atan2(north, east) + np.pi / 2 + ca.atan(outside / look_ahead(cna))
-        turning = cna.speed / circle.radius
-        turn_rate = turn_toward(cna, pose[2], course, turning=turning)
+        velocity = -ca.DM(self.situation.current)  # of a place over ground, in the water
+        turn_rate = turn_along(cna, pose[2], course, velocity=velocity, radius=circle.radius)
         none = ca.SX.nan(1, targets.mean.shape[1])
         return Command(turn_rate, ca.SX(cna.speed), outside**2, none, ca.SX(float(Status.OPTIMAL)))

@@ -130,10 +130,11 @@ class Trajectory:
         """Build the programs that AUVs like these need, every solver's, and decide once."""
         if unusable(self.situation.cna, pose, auvs) is not None:
             return
+        durations = self._durations(0.0)
         build(
-            self._task(pose, auvs, 0.0, self._durations(0.0)),
+            self._task(pose, auvs, 0.0, durations),
             self.objective,
-            limits=self._limits(auvs) if self.constraints else None,
+            limits=self._limits(auvs, durations) if self.constraints else None,
             max_iterations=self.max_iterations,
             timed=self.deadline is not None,
         )
@@ -155,7 +156,7 @@ class Trajectory:
             self._memory.clear()
             return straight_on(self.situation.cna, pose, Status.INVALID_INPUT, len(auvs))
         last = self._memory.pop("plan", None)
-        limits = self._limits(auvs) if self.constraints else None
+        limits = self._limits(auvs, durations) if self.constraints else None
         found = optimise(
             task,
             self.objective,
@@ -259,13 +260,16 @@ class Trajectory:
         corners = None if fence is None else np.array(fence.points, dtype=float)
         return convex_areas(discs.reshape(-1, 3), polygons, corners)
 
-    def _limits(self, auvs: Sequence[Belief]) -> PathLimits:
+    def _limits(self, auvs: Sequence[Belief], durations: np.ndarray) -> PathLimits:
         """The constraints, the AUVs being where they are expected."""
         limits, radius = self.constraints, self.situation.cna.min_turn_radius
-        return PathLimits(
-            along=LimitsAhead(self.situation, auvs).along,
-            terminal=lambda poses: loiter_violation(limits, poses, radius),
-        )
+        stream, end = self.situation.stream, durations.sum(keepdims=True)
+
+        def terminal(poses: np.ndarray) -> np.ndarray:
+            there = stream.over_ground(poses[:, None], end)[:, 0]
+            return loiter_violation(limits, there, radius, stream)
+
+        return PathLimits(along=LimitsAhead(self.situation, auvs).along, terminal=terminal)
 
 
 @lru_cache(maxsize=16)

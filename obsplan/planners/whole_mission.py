@@ -1,5 +1,6 @@
 """Whole mission: plan all turns before it begins, by a multi-start, and follow them."""
 
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
@@ -14,7 +15,7 @@ from formulations.model.frames import Frame
 from formulations.model.schedule import ROUNDING, intervals, is_multiple
 from formulations.solution import Solution
 from formulations.whole_mission import AidVehicle, Problem, optimise
-from obsplan.constraints import Constraints
+from obsplan.constraints import STILL, Constraints, Stream
 from obsplan.planning.checks import check_situation
 from obsplan.planning.fallback import unusable
 from obsplan.planning.filed import Filed
@@ -169,20 +170,21 @@ class WholeMission:
             random=np.random.default_rng(self.search_seed),
             progress=progress,
         )
-        rates = frame.mirror * plan.x[0]
-        return OpenLoopPlan(cna, pose, time, rates, hold * filed.time_step, plan)
+        rates, stream = frame.mirror * plan.x[0], self.situation.stream
+        return OpenLoopPlan(cna, pose, time, rates, hold * filed.time_step, plan, stream)
 
     def _mission(self, frame: Frame, first: int) -> Problem:
-        """What is known from a sample on, as seen by the vehicle there."""
+        """What is known from a sample on, as seen by the vehicle there, in the water about it."""
         filed = self.filed
         after = slice(first, None)
+        drift = self.situation.stream.drift(filed.time[after] - filed.time[first])
         courses = np.stack([np.cos(filed.heading[after]), np.sin(filed.heading[after])], axis=-1)
         total = filed.weights.sum()
         alike = np.full(filed.weights.size, 1 / filed.weights.size)
         return Problem(
             time_step=filed.time_step,
             begin=first * filed.time_step,
-            position=np.round(frame.positions(filed.position[after]), PLACES),
+            position=np.round(frame.positions(filed.position[after] - drift[:, None]), PLACES),
             heading=np.round(frame.directions(courses), PLACES),
             speed=np.round(filed.speed[after], PLACES),
             depth=filed.depth[after],
@@ -272,8 +274,9 @@ class Limits:
         So nothing between the samples is missed.
         """
         limits = self.planner.constraints
-        filed = self.planner.filed
-        world = np.ascontiguousarray(self.frame.world(positions))
+        filed, stream = self.planner.filed, self.planner.situation.stream
+        world = np.ascontiguousarray(self.frame.world(positions)) + stream.drift(time)
+        speed = self.planner.situation.cna.speed + math.hypot(*stream.current)
         at = (time / filed.time_step + self.first).round().astype(int).clip(max=filed.time.size - 1)
         # one after the other: each needs a margin of its own at each time
         auvs = np.moveaxis(filed.position, 1, 0)[:, at, None]
@@ -282,8 +285,7 @@ class Limits:
             for auv, margin in zip(auvs, self._margin[:, at], strict=True)
         ]
         return (
-            np.max([limits.fixed_violation(world), *apart], axis=0)
-            + 0.5 * self.planner.situation.cna.speed * filed.time_step
+            np.max([limits.fixed_violation(world), *apart], axis=0) + 0.5 * speed * filed.time_step
         )
 
     @cached_property
@@ -294,7 +296,7 @@ class Limits:
 
 @dataclass(frozen=True, eq=False)
 class OpenLoopPlan:
-    """A plan in the world, from where and when it begins."""
+    """A plan in the water, which may flow, from where and when it begins."""
 
     cna: Unicycle
     start: Pose
@@ -302,14 +304,20 @@ class OpenLoopPlan:
     turn_rates: Float[np.ndarray, " n"]  # [rad/s]
     duration: float  # of each turn [s]
     plan: Solution
+    stream: Stream = STILL
 
     def passes(self, pose: Pose, time: float) -> bool:
-        """Whether the plan has the vehicle at a pose at a time."""
+        """Whether the plan has the vehicle at a pose at a time.
+
+        Water that flows may take it elsewhere than was known before: there its heading alone tells.
+        """
         if time < self.begin:
             return False
         x, y, heading = self.poses(self.start, self.begin, time)[-1]
         turned = np.remainder(heading - pose.heading + np.pi, 2 * np.pi) - np.pi
-        return bool(np.hypot(x - pose.x, y - pose.y) < ON_PLAN and abs(turned) < ON_PLAN)
+        away = math.hypot(x - pose.x, y - pose.y)
+        carried = bool(self.stream) and time > self.begin
+        return bool(abs(turned) < ON_PLAN and (carried or away < ON_PLAN))
 
     def poses(self, pose: Pose, begin: float, end: float) -> Float[np.ndarray, "some 3"]:
         """Poses (east, north, heading) at the ends of the turns between two times, from a pose."""

@@ -19,7 +19,11 @@ CANDIDATES = 21  # turns tried in place of one that breaks a limit
 
 
 class LimitsAhead:
-    """The limits from now on, the AUVs being where they are expected."""
+    """The limits from now on, the AUVs being where they are expected.
+
+    What is asked about is in the water that carries the vehicle, as planners have it; limits are
+    held against where that is over ground.
+    """
 
     def __init__(self, situation: Situation, auvs: Sequence[Belief]) -> None:
         self.situation = situation
@@ -29,8 +33,9 @@ class LimitsAhead:
         self._positions = np.empty((0, len(auvs), 2))
 
     def expected(self, times: Float[np.ndarray, " T"]) -> Float[np.ndarray, "T M 2"]:
-        """Where AUVs are expected [m] at times from now [s]."""
-        return positions_ahead(self.auvs, times)
+        """Where AUVs are expected over ground [m] at times from now [s]."""
+        tracks = positions_ahead(self.auvs, times).swapaxes(0, 1)
+        return self.situation.stream.over_ground(tracks, times).swapaxes(0, 1)
 
     def along(
         self, positions: Float[np.ndarray, "*batch T 2"], times: Float[np.ndarray, " T"]
@@ -39,7 +44,8 @@ class LimitsAhead:
         limits = self.situation.constraints
         if not np.array_equal(times, self._times):  # a search asks again and again for the same
             self._times, self._positions = times, self.expected(times)
-        return limits.violation(positions, self._positions, self.margin)
+        there = self.situation.stream.over_ground(positions, times)
+        return limits.violation(there, self._positions, self.margin)
 
     def numbers(self) -> Limits:
         """`along` as machine code asks it."""
@@ -51,6 +57,7 @@ class LimitsAhead:
             rounding=ROUNDING,
             margin=self.margin,
             expected=self.expected,
+            drift=self.situation.stream.drift,
         )
 
     def first_move(
@@ -69,6 +76,7 @@ class LimitsAhead:
             interval=self.situation.decision_interval,
             auvs=self.expected,
             margin=self.margin,
+            stream=self.situation.stream,
         )
 
 

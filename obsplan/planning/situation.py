@@ -7,9 +7,10 @@ from functools import cached_property
 from formulations.beam_search.limits import Areas
 from formulations.model.ranging import Ranging
 from formulations.model.schedule import Schedule
-from obsplan.constraints import UNLIMITED, Constraints, Disc
+from obsplan.constraints import UNLIMITED, Constraints, Disc, Stream
 from obsplan.planning.checks import check_positive
 from obsplan.planning.filed import Filed
+from obsplan.quantities import CURRENT
 from obsplan.vehicles import Unicycle
 
 METRE = Ranging(sigma=1.0, squared=False)
@@ -22,10 +23,14 @@ class Situation:
     Written by hand it needs the vehicle alone. The other values are then those that a scenario has
     where it does not say, without limits and surveys.
 
+    A vehicle that a ``current`` carries is planned for in the water that carries it, where it moves
+    on arcs. So the AUVs that its planner is told of are as `obsplan.planning.water.in_the_water`
+    has them, and paths that it predicts are in that water. Limits and surveys are over ground.
+
     Raises
     ------
     ValueError
-        A time or a standard deviation that is not positive and finite.
+        A time or a standard deviation that is not positive and finite, or a current out of range.
     """
 
     cna: Unicycle
@@ -36,6 +41,8 @@ class Situation:
     silent: tuple[tuple[float, float], ...] = ()  # from when to when [s] there are no ranges
     transducer_depth: float = 0.0  # of the aid vehicle [m]
     heading_sigma: float = math.radians(1.0)  # of a measured heading [rad]
+    # of the water that carries the aid vehicle, east and north [m/s]; 0: it steers over ground
+    current: tuple[float, float] = (0.0, 0.0)
     decision_interval: float = 1.0  # [s] between decisions
     constraints: Constraints = UNLIMITED
     survey_circle: Disc | None = None  # the smallest about every survey that the vehicle can follow
@@ -48,11 +55,19 @@ class Situation:
             raise ValueError(
                 f"sigma must be positive and finite [{unit}], got {self.ranging.sigma}"
             )
+        for part in self.current:
+            if part not in CURRENT:
+                raise ValueError(f"current must be {CURRENT}, got {self.current}: correct it")
 
     @cached_property
     def schedule(self) -> Schedule:
         """When ranges are expected."""
         return Schedule(interval=self.ping_interval, offsets=self.slots, silent=self.silent)
+
+    @cached_property
+    def stream(self) -> Stream:
+        """What carries the vehicle."""
+        return Stream(self.current, 2 * math.pi / self.cna.max_turn_rate)
 
     @cached_property
     def areas(self) -> Areas:

@@ -7,6 +7,8 @@ from obsplan.planning.expressions import Symbolic, Targets
 from obsplan.planning.situation import Situation
 from obsplan.vehicles import Unicycle
 
+STEEPEST = 0.99  # sine of the largest crab angle: beyond it the vehicle cannot keep up anyway
+
 
 def look_ahead(cna: Unicycle) -> float:
     """Distance [m] over which errors of course and place are corrected: the turning diameter."""
@@ -43,3 +45,33 @@ def telling_distance(situation: Situation, targets: Targets, least: Symbolic) ->
     height = ca.vec(targets.depth - situation.transducer_depth).T @ share
     best = best_distance(situation.ranging, height)
     return ca.if_else(best < ca.inf, ca.fmax(least, best), least)
+
+
+def turn_along(
+    cna: Unicycle,
+    heading: ca.SX,
+    tangent: ca.SX,
+    *,
+    velocity: ca.SX | ca.DM,
+    radius: ca.SX | float,
+    sense: ca.SX | float = 1.0,
+) -> ca.SX:
+    """Turn rate [rad/s] along a circle whose centre moves at a velocity [m/s].
+
+    ``tangent`` is the course relative to the centre, ``sense`` 1 counter-clockwise, -1 clockwise.
+    (Standoff tracking by a vector field: Frew, Lawrence and Morris 2008.)
+    """
+    # the centre's velocity along the tangent and to its left
+    along, abeam = rotated(-tangent, velocity)
+    crab = ca.asin(ca.fmax(-STEEPEST, ca.fmin(STEEPEST, abeam / cna.speed)))
+    ahead = cna.speed * ca.cos(crab)
+    turning = sense * (ahead - along) / radius  # of the tangent
+    # the crab turns back by as much
+    course, rate = tangent + crab, turning * (1 - along / ahead)
+    return turn_toward(cna, heading, course, turning=rate)
+
+
+def rotated(angle: ca.SX, vector: ca.SX | ca.DM) -> tuple[ca.SX, ca.SX]:
+    """Components of a vector turned counter-clockwise."""
+    c, s = ca.cos(angle), ca.sin(angle)
+    return c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]

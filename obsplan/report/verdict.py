@@ -20,6 +20,7 @@ from obsplan.report.words import (
 )
 from obsplan.run import Run
 from obsplan.scenario.states import BASIC
+from obsplan.scenario.tables import aids_of
 
 TELLING = 4.0  # mean NEES, 2 if consistent, of errors sqrt(2) times too large: to be told apart
 INSIDE = 5.991  # NEES on the 95 % ellipse: chi-square with 2 degrees
@@ -103,14 +104,17 @@ def planner_notes(run: Run) -> list[str]:
 def _current_notes(run: Run) -> list[str]:
     """What is taken for granted of vehicles in a current that is strong for them."""
     scenario = run.scenario
-    current, speed = float(np.hypot(*scenario.table.environment.current)), scenario.cna.speed
+    current = float(scenario.water.strongest(0.0))
+    steered = [aid.speed for aid in aids_of(scenario.table) if not aid.carried]
+    speed = min(steered, default=np.inf)
     notes = []
     if current > STRONG * speed:
         notes.append(
             f"The aid vehicle is taken to hold its track over ground: against the current of "
             f"{current:g} m/s that takes up to {speed + current:g} m/s through the water."
         )
-    for name, reference in zip(run.names, scenario.references, strict=True):
+    strongest = np.hypot(*np.moveaxis(scenario.currents, -1, 0)).max(axis=0).tolist()
+    for name, reference, current in zip(run.names, scenario.references, strongest, strict=True):
         keeps = len(reference.polyline) == 1 or (
             reference.hold is not None and reference.hold.any()
         )

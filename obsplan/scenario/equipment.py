@@ -13,12 +13,23 @@ from obsplan.estimators import ESTIMATORS, Estimator
 from obsplan.plugins import class_of, is_own
 from obsplan.scenario.beacons import Beacon, beacons_of
 from obsplan.scenario.choice import options
+from obsplan.scenario.environment import water_of
 from obsplan.scenario.messages import as_error
-from obsplan.scenario.tables import RANGING, RangingTable, ScenarioTable
+from obsplan.scenario.tables import RANGING, RangingTable, ScenarioTable, aids_of
 from obsplan.scenario.trial import try_estimator, try_sensor, try_vehicle
-from obsplan.sensors import SENSORS, Bearing, Heading, Range, Sensor, SquaredRange
+from obsplan.sensors import (
+    SENSORS,
+    SPEED_SENSORS,
+    Bearing,
+    Heading,
+    Range,
+    Sensor,
+    SpeedSensor,
+    SquaredRange,
+)
 from obsplan.types import ObsplanError
 from obsplan.vehicles import VEHICLES, States, Vehicle
+from obsplan.water import Water
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +49,7 @@ class Equipment:
         found: list[Vehicle] = []
         for i, auv in enumerate(self.table.auv):
             key = f"auv.{i}.vehicle"
-            told = {"current": self.assumed_current}
+            told = {"current": self.assumed_currents[i]}
             vehicle = self._built(key, auv.vehicle, VEHICLES, told, try_vehicle)
             if found and [*vehicle.states.items()] != [*found[0].states.items()]:
                 raise self.error(
@@ -62,11 +73,67 @@ class Equipment:
         """Components of the states that the AUVs' filters estimate."""
         return self.estimator.states(self.vehicles[0])
 
+    @cached_property
+    def water(self) -> Water:
+        """How the water moves."""
+        try:
+            return water_of(self.table.environment)
+        except ValueError as error:
+            raise self.error("environment", error) from None
+
+    @cached_property
+    def assumed_currents(self) -> tuple[tuple[float, float], ...]:
+        """Currents that AUVs' filters and autopilots count on, east and north [m/s].
+
+        Where none is told they are the true ones, on average over tides and an AUV's depths.
+        """
+        told, auvs = self.table.estimator.current, self.table.auv
+        if told is not None or self.water.is_uniform:
+            return (self.water.current if told is None else told,) * len(auvs)
+        means = [self.water.mean(np.atleast_1d(auv.depth)).mean(axis=0) for auv in auvs]
+        return tuple((east, north) for east, north in np.array(means).tolist())
+
+    @cached_property
+    def carrying(self) -> tuple[tuple[float, float], ...]:
+        """Currents at the surface that planners count on, of each aid vehicle [m/s].
+
+        Those of vehicles that steer over ground are 0.
+        """
+        east, north = self.water.mean(0.0).tolist()
+        return tuple((east, north) if aid.carried else (0.0, 0.0) for aid in aids_of(self.table))
+
+    @cached_property
+    def speed_sensors(self) -> tuple[SpeedSensor | None, ...]:
+        """What measures each AUV's speed, if anything does."""
+        return tuple(
+            None
+            if auv.speed_sensor is None
+            else self._built(
+                f"auv.{i}.speed_sensor", auv.speed_sensor, SPEED_SENSORS, {}, self._try_speed
+            )
+            for i, auv in enumerate(self.table.auv)
+        )
+
     @property
-    def assumed_current(self) -> tuple[float, float]:
-        """Current that AUVs' filters and autopilots count on, east and north [m/s]."""
-        told = self.table.estimator.current
-        return self.table.environment.current if told is None else told
+    def true_logs(self) -> tuple[tuple[Sensor, ...], ...]:
+        """What of each AUV's speed is measured at once, of its true state."""
+        return self._logs(self.truth_states)
+
+    @property
+    def filter_logs(self) -> tuple[tuple[Sensor, ...], ...]:
+        """The same of the filter's state."""
+        return self._logs(self.filter_states)
+
+    def _logs(self, states: States) -> tuple[tuple[Sensor, ...], ...]:
+        return tuple(
+            () if sensor is None else sensor.components([*states]) for sensor in self.speed_sensors
+        )
+
+    def _try_speed(self, sensor: SpeedSensor) -> None:
+        """Raise ValueError unless what it measures at once are scalars of the state."""
+        for states in (self.truth_states, self.filter_states):
+            for component in sensor.components([*states]):
+                try_sensor(component, len(states))
 
     @cached_property
     def range_sensor(self) -> Sensor:

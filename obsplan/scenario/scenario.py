@@ -59,9 +59,9 @@ class Scenario(Equipment):
             raise self.error("auv", f"the names {given} are not all different; rename one")
         check_auvs(len(names), self.source)
         check_planner_size(self.table.planner, len(names), self.source)
-        check_current(self.table, self.source)
+        check_current(self.table, self.water, self.source)
         _ = self.motions, self.ping_every, self.decide_every, self.constraints
-        _ = self.vehicles, self.range_sensor, self.estimator
+        _ = self.vehicles, self.range_sensor, self.estimator, self.speed_sensors, self.log_every
         _ = self.filter_sensor, self.planner_sensor, self.beacons, self.offsets, self.depths
         self.team()
 
@@ -150,7 +150,7 @@ class Scenario(Equipment):
 
     def _reference(self, i: int, done: dict[str, Reference]) -> Reference:
         auv = self.table.auv[i]
-        current = np.array(self.assumed_current)
+        current = np.array(self.assumed_currents[i])
         if isinstance(auv.survey, MissionSurvey):
             survey = self._mission(auv.survey, paced=auv.speed is None)
             return survey.reference(speed=auv.speed, current=current)
@@ -163,7 +163,7 @@ class Scenario(Equipment):
                 f'leader "{survey.leader}" is not an AUV listed before "{auv.name}"; '
                 f"listed are {list(done) or 'none'}: name one of them, or list the leader first"
             )
-        return survey.follow(done[survey.leader])
+        return survey.follow(done[survey.leader], current)
 
     def _mission(self, survey: MissionSurvey, *, paced: bool) -> Waypoints:
         """The track of a mission file, with its holds and, where it sets the pace, its speeds."""
@@ -213,10 +213,23 @@ class Scenario(Equipment):
     @cached_property
     def unknown_currents(self) -> Float[np.ndarray, "samples auvs 2"] | None:
         """The true current at each AUV less the one it counts on [m/s]; None where they agree."""
-        off = np.subtract(self.table.environment.current, self.assumed_current)
-        if not off.any():
-            return None
-        return np.broadcast_to(off, (self.time.size, len(self.table.auv), 2))
+        off = self.currents - np.array(self.assumed_currents)
+        return off if off.any() else None
+
+    @cached_property
+    def currents(self) -> Float[np.ndarray, "samples auvs 2"]:
+        """The true current at each AUV, east and north [m/s]."""
+        return self.water.at(self.time[:, None], self.depths)
+
+    @property
+    def log_every(self) -> tuple[int, ...]:
+        """Steps between measurements of each AUV's speed; 0 where nothing measures it."""
+        return tuple(
+            0
+            if auv.speed_sensor is None
+            else self._steps(f"auv.{i}.speed_sensor.interval", auv.speed_sensor.interval)
+            for i, auv in enumerate(self.table.auv)
+        )
 
     @cached_property
     def motions(self) -> tuple[Motion, ...]:
@@ -335,6 +348,7 @@ class Scenario(Equipment):
             transducer_depth=aids_of(self.table)[aid].transducer_depth,
             heading_sigma=self.heading_sensor.sigma,
             decision_interval=self.decide_every * self.table.time_step,
+            current=self.carrying[aid],
             constraints=self.constraints,
             survey_circle=self._survey_circle(aid),
             filed=self._filed,

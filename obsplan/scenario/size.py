@@ -2,10 +2,9 @@
 
 from typing import Any
 
-import numpy as np
-
 from obsplan.scenario.tables import ScenarioTable, aids_of
 from obsplan.types import ObsplanError
+from obsplan.water import Water
 
 MOST_AUVS = 100  # AUVs that range to one aid vehicle in turns
 # measured and rounded up: of each step, and of each AUV at each step, with the certified bound and
@@ -82,7 +81,7 @@ def check_planner_size(planner: Any, auvs: int, source: str) -> None:
         )
 
 
-def check_current(table: ScenarioTable, source: str) -> None:
+def check_current(table: ScenarioTable, water: Water, source: str) -> None:
     """Refuse a current that the aid vehicle cannot stem.
 
     Its planner commands courses and speeds over ground, and it is taken to hold them.
@@ -92,11 +91,13 @@ def check_current(table: ScenarioTable, source: str) -> None:
     ObsplanError
         Names the key, the current and the speed.
     """
-    current = table.environment.current
+    strongest = float(water.strongest(0.0))
     for aid in aids_of(table):
-        if np.hypot(*current) >= aid.speed:
+        if strongest >= aid.speed:
+            current = list(table.environment.current)
+            more = "" if water.is_uniform else f", up to {strongest:.3g} m/s at the surface,"
             raise ObsplanError(
-                f"{source}: environment.current = {list(current)} m/s is too strong for the aid "
+                f"{source}: environment.current = {current} m/s{more} is too strong for the aid "
                 f"vehicle, cna.speed = {aid.speed} m/s: it could not hold the track over ground "
                 "that its planner commands; give a weaker current, or a faster vehicle"
             )

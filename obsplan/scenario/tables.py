@@ -15,8 +15,8 @@ from obsplan.quantities import (
     CARRIER,
     CLOCK_DRIFT,
     CLOCK_OFFSET,
+    COMPASS_BIAS,
     COMPASS_SIGMA,
-    CURRENT,
     DEPTH,
     DISTANCE,
     DURATION,
@@ -37,6 +37,7 @@ from obsplan.quantities import (
 )
 from obsplan.scenario.base import Table
 from obsplan.scenario.choice import Choice
+from obsplan.scenario.environment import SPEED_SENSOR, Environment, Velocity
 from obsplan.scenario.export import ExportTable
 from obsplan.scenario.places import Corners, Degrees, Place
 from obsplan.sensors import SENSORS
@@ -73,6 +74,11 @@ class Cna(Table):
         default=0.0, description="of its transducer, where ranges are slant [m]"
     )
     ranged: bool = Field(default=True, description="whether AUVs range to it")
+    carried: bool = Field(
+        default=False,
+        description="whether the current at the surface carries it: its speed is then through the "
+        "water; otherwise it steers over ground",
+    )
 
 
 class BeaconTable(Place):
@@ -202,7 +208,7 @@ class RangingTable(Table):
     clock_drift: Annotated[float, CLOCK_DRIFT] = Field(
         default=0.0, description="by which the offset grows [s/s]; not told"
     )
-    compass_bias_deg: Annotated[float, BEARING] = Field(
+    compass_bias_deg: Annotated[float, COMPASS_BIAS] = Field(
         default=0.0, description="added to every measured heading [deg]; not told"
     )
     bearing_sigma_deg: Annotated[float | None, COMPASS_SIGMA] = Field(
@@ -234,10 +240,10 @@ class EstimatorTable(Table):
     ranging: dict[str, Any] | None = Field(
         default=None, description=f"what it is told of ranges: {TOLD}"
     )
-    current: tuple[Annotated[float, CURRENT], Annotated[float, CURRENT]] | None = Field(
+    current: Velocity | None = Field(
         default=None,
         description="that filter and autopilot count on, east and north [m/s]; default: the true "
-        "one",
+        "one at the AUV's depth, without the tide",
     )
     process_noise: ProcessNoise | None = Field(
         default=None, description="what the filter assumes; default: the truth's"
@@ -287,13 +293,13 @@ PLANNER = Choice(
     base=PlannerTable,
     told=("situation",),
 )
-CHOICES = (SURVEY, VEHICLE, RANGING, ESTIMATOR, PLANNER)
+CHOICES = (SURVEY, VEHICLE, RANGING, ESTIMATOR, PLANNER, SPEED_SENSOR)
 if TYPE_CHECKING:  # these are unions of tables built at run time
-    Survey = Vehicle = Ranging = Estimator = Planner = Any
+    Survey = Vehicle = Ranging = Estimator = Planner = SpeedSensor = Any
 else:
     Survey, Vehicle = SURVEY.annotation(), VEHICLE.annotation()
     Ranging, Estimator = RANGING.annotation(), ESTIMATOR.annotation()
-    Planner = PLANNER.annotation()
+    Planner, SpeedSensor = PLANNER.annotation(), SPEED_SENSOR.annotation()
 
 
 ONE_DEPTH, DEPTHS = "{ depth }", "[ depth ]"  # pydantic's names for the two forms of a depth
@@ -332,16 +338,11 @@ class Auv(Table):
     vehicle: Vehicle = Field(  # pyright: ignore[reportInvalidTypeForm]
         default=VEHICLE.default_table(), description="how it moves"
     )
+    speed_sensor: SpeedSensor | None = Field(  # pyright: ignore[reportInvalidTypeForm]
+        default=None, description="what it measures of its speed; default: nothing"
+    )
     first_estimate: FirstEstimate = FirstEstimate()
     process_noise: ProcessNoise = ProcessNoise()
-
-
-class Environment(Table):
-    """The water."""
-
-    current: tuple[Annotated[float, CURRENT], Annotated[float, CURRENT]] = Field(
-        default=(0.0, 0.0), description="uniform current, east and north [m/s]"
-    )
 
 
 class AreaTable(Place):

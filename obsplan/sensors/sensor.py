@@ -1,5 +1,6 @@
 """What a sensor is."""
 
+from collections.abc import Sequence
 from typing import ClassVar, Protocol, runtime_checkable
 
 import casadi as ca
@@ -49,4 +50,21 @@ class KnowsLaw(Protocol):
     @property
     def ranging(self) -> Ranging:
         """Geometry and standard deviation by distance."""
+        ...
+
+
+@runtime_checkable
+class SpeedSensor(Protocol):
+    """What measures an AUV's speed: some scalars at once.
+
+    It is a dataclass whose fields are keys of ``speed_sensor``.
+    """
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of each [m/s]."""
+        ...
+
+    def components(self, states: Sequence[str]) -> tuple[Sensor, ...]:
+        """The scalars, of a state whose components have these names; always as many."""
         ...

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from obsplan.scenario import Scenario
+from obsplan.scenario.tables import aids_of
 from obsplan.sensors import Range
 
 
@@ -14,6 +15,9 @@ class Features(NamedTuple):
     repeated: bool  # or delivered twice
     deep: bool  # depths count
     bearing: bool  # a bearing comes with each range
+    varying: bool  # currents differ by depth or time
+    carried: bool  # some aid vehicle is carried by the current
+    logged: int  # most numbers that an AUV's speed is measured by at once
 
     @classmethod
     def of(cls, scenario: Scenario) -> "Features":
@@ -30,4 +34,7 @@ class Features(NamedTuple):
             repeated=ranging.duplicates > 0,
             deep=any(slant) or any(profiles),
             bearing=ranging.bearing_sigma_deg is not None,
+            varying=not scenario.water.is_uniform,
+            carried=any(aid.carried for aid in aids_of(scenario.table)),
+            logged=max(len(components) for components in scenario.true_logs),
         )

@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from formulations.model.covariance import pack_array
 from obsplan.scenario import Scenario
 from obsplan.scenario.states import first_covariance, first_mean, first_truth, noise
+from obsplan.scenario.tables import aids_of
 from obsplan.simulation.features import Features
 from obsplan.simulation.step import Carry, Inputs
 from obsplan.types import Pose
@@ -25,6 +26,7 @@ class Streams(NamedTuple):
     faults: np.random.Generator
     depth: np.random.Generator
     bearing: np.random.Generator
+    log: np.random.Generator
 
 
 def streams(seed: int) -> Streams:
@@ -57,6 +59,12 @@ def mission_inputs(scenario: Scenario, starts: Sequence[Pose], seed: int) -> tup
         depth = scenario.depths[1:, :, None]
         depth_error = random.depth.standard_normal((steps, auvs, 1)) * scenario.depth_sigma
     bearing_error = random.bearing.standard_normal(of_each) if features.bearing else nothing
+    log = log_error = water = nothing
+    if features.logged:
+        log = logged(scenario)
+        log_error = random.log.standard_normal((steps, auvs, features.logged))
+    if features.varying:
+        water = scenario.currents[1:]
     inputs = Inputs(
         time=scenario.time[:-1, None, None],
         decide=(np.arange(steps) % scenario.decide_every == 0)[:, None, None],
@@ -73,8 +81,27 @@ def mission_inputs(scenario: Scenario, starts: Sequence[Pose], seed: int) -> tup
         depth=depth,
         depth_error=depth_error,
         bearing_error=bearing_error,
+        log=log,
+        log_error=log_error,
+        water=water,
+        stream=stream(scenario) if features.carried else np.empty((steps, len(starts), 0)),
     )
     return carry, Inputs(*(np.asarray(a, dtype=float) for a in inputs))
+
+
+def logged(scenario: Scenario) -> Bool[np.ndarray, "steps auvs 1"]:
+    """At the end of which steps each AUV's speed is measured."""
+    number = np.arange(1, scenario.time.size)[:, None]
+    every = np.array(scenario.log_every)
+    due = (number % np.maximum(every, 1) == 0) & (every > 0)
+    return due[..., None]
+
+
+def stream(scenario: Scenario) -> Float[np.ndarray, "steps aids 2"]:
+    """Current at the surface over each step [m/s]; 0 for aid vehicles that steer over ground."""
+    surface = scenario.water.at(scenario.time[:-1], 0.0)
+    carried = np.array([aid.carried for aid in aids_of(scenario.table)])
+    return surface[:, None] * carried[:, None]
 
 
 def disturbance(

@@ -30,6 +30,7 @@ from obsplan.planning.interface import (
 from obsplan.planning.limits import within_limits
 from obsplan.planning.situation import Situation
 from obsplan.planning.team import Team, members_of
+from obsplan.planning.water import in_the_water
 from obsplan.run import Run, Timing
 from obsplan.scenario import Scenario, load
 from obsplan.scenario.states import BASIC
@@ -304,6 +305,7 @@ class ClosedLoop:
 
         What is flown in place of the planner's decision is always kept within them.
         """
+        auvs = in_the_water(auvs, situation.current)
         decision, fault = ask(planner, pose, auvs, time=time, cna=situation.cna)
         if not self.scenario.constraints or (free and not fault):
             return Answer(decision, fault)
@@ -332,16 +334,17 @@ class ClosedLoop:
                 covariance=covariance,
                 process_noise=noise,
                 weight=auv.weight,
-                current=scenario.assumed_current,
+                current=current,
                 depth=depth,
                 route=along,
                 checked=False,
             )
-            for mean, covariance, noise, auv, depth, along in zip(
+            for mean, covariance, noise, auv, current, depth, along in zip(
                 means,
                 covariances,
                 self._noises,
                 scenario.table.auv,
+                scenario.assumed_currents,
                 scenario.depths[k].tolist(),
                 routes,
                 strict=True,

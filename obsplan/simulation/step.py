@@ -17,7 +17,7 @@ from obsplan.planning.interface import Planner, expression_of
 from obsplan.scenario import Scenario
 from obsplan.scenario.states import BASIC, noise
 from obsplan.simulation.features import Features
-from obsplan.simulation.surveyor import Fleet, Own, Surveyor
+from obsplan.simulation.surveyor import Fleet, Kind, Own, Surveyor
 
 
 class Carry(NamedTuple):
@@ -61,6 +61,10 @@ class Inputs(NamedTuple):
     depth: Any  # 1 x M, true depth at the step's end [m]
     depth_error: Any  # 1 x M, of its measurement [m]
     bearing_error: Any  # B x M, in standard deviations
+    log: Any  # 1 x M, whether the speed is measured at the step's end
+    log_error: Any  # some x M, in standard deviations
+    water: Any  # 2 x M, true current at the step's end [m/s]
+    stream: Any  # 2 x C, current that carries the aid vehicles over the step [m/s]
 
 
 class Log(NamedTuple):
@@ -74,13 +78,15 @@ class Log(NamedTuple):
 
 
 OF_ALL = ("time", "decide")  # one column
-OF_AID = ("cna", "command", "given", "score", "status")  # a column for each aid vehicle
+# a column for each aid vehicle
+OF_AID = ("cna", "command", "given", "score", "status", "stream")
 
 # of each AUV, what its part of the step is told of Carry and Inputs
 OF_AUV = ("truth", "mean", "covariance", "reported", "reported_covariance")
 GIVEN_AUV = (
     *("steer", "disturbance", "ping", "heading_error", "range_error"),
     *("chance", "false", "repeated", "depth", "depth_error", "bearing_error"),
+    *("log", "log_error", "water"),
 )
 FOUND = ("truth", "mean", "covariance", "reported", "reported_covariance", "range", "bearing")
 
@@ -96,6 +102,8 @@ def shape_of(name: str, scenario: Scenario) -> tuple[int, int]:
     rows |= {"ping": beacons, "range_error": beacons, "range": beacons}
     rows |= {"chance": beacons * has.lossy, "repeated": beacons * has.repeated}
     rows |= {"false": 2 * beacons * has.false, "depth": has.deep, "depth_error": has.deep}
+    rows |= {"log": has.logged > 0, "log_error": has.logged}
+    rows |= {"water": 2 * has.varying, "stream": 2 * has.carried}
     rows |= {"bearing_error": beacons * has.bearing, "bearing": beacons * has.bearing}
     columns = len(scenario.table.auv)
     if name in OF_ALL or name in OF_AID:
@@ -131,7 +139,8 @@ class StepBuilder:
         command, score, condition, status = self._decide(carry, inputs)
         moved = self._moved()
         aids = range(len(self.planners))
-        cna = ca.horzcat(*(moved(carry.cna[:, c], command[:, c]) for c in aids))
+        stream = inputs.stream
+        cna = ca.horzcat(*(moved(carry.cna[:, c], command[:, c], stream[:, c]) for c in aids))
         *columns, ranges, bearings = self._fleet(cna, command, carry, inputs)
         after = Carry(cna, command, *columns)
         log = Log(ranges, score, condition, status, bearings)
@@ -147,10 +156,14 @@ class StepBuilder:
         return [matrix(name, *shape_of(name, self.scenario)[::-1]) for name in of._fields]
 
     def _moved(self) -> ca.Function:
-        """(pose, command) -> pose of an aid vehicle."""
+        """(pose, command, current that carries it) -> pose of an aid vehicle."""
         pose, command = symbol("pose", 3), symbol("command", 2)
-        after = self.scenario.cna.step(pose, command, self.scenario.table.time_step)
-        return ca.Function("moved", [pose, command], [after])
+        stream = symbol("stream", shape_of("stream", self.scenario)[1])
+        dt = self.scenario.table.time_step
+        after = self.scenario.cna.step(pose, command, dt)
+        if stream.numel():
+            after = ca.vertcat(after[:2] + stream * dt, after[2])
+        return ca.Function("moved", [pose, command, stream], [after])
 
     def _decide(self, carry: Carry, inputs: Inputs) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
         """Commands, scores and statuses of the aid vehicles, condition numbers of the first's.
@@ -169,7 +182,7 @@ class StepBuilder:
         for c, expression in enumerate(expressions):
             pose = ca.vertcat(carry.cna[:, c], carry.command[0, c])
             decision = decision_function(expression, auvs, self.scenario.aids[c])
-            new = Command(*decision(inputs.time, pose, *self._targets(known, carry)))
+            new = Command(*decision(inputs.time, pose, *self._targets(known, carry, c)))
             command = due(ca.vertcat(new.turn_rate, new.speed), carry.command[:, c])
             commands.append(command)
             scores.append(due(new.score, np.nan))
@@ -177,14 +190,15 @@ class StepBuilder:
             conditions.append(due(ca.reshape(new.condition, 1, auvs), np.nan))
         return ca.horzcat(*commands), ca.horzcat(*scores), conditions[0], ca.horzcat(*statuses)
 
-    def _targets(self, known: ca.MX, carry: Carry) -> Targets:
-        """What planners are told.
+    def _targets(self, known: ca.MX, carry: Carry, aid: int) -> Targets:
+        """What the planner of an aid vehicle is told.
 
         Means are by the scenario's knowledge, uncertainty always as the AUVs' filters last
-        reported it.
+        reported it. Currents are relative to what carries the aid vehicle.
         """
         auvs = self.scenario.table.auv
-        current = ca.repmat(ca.DM(self.scenario.assumed_current), 1, len(auvs))
+        carrying = np.array(self.scenario.carrying[aid])
+        current = ca.DM((np.array(self.scenario.assumed_currents) - carrying).T)
         weight = ca.DM([auv.weight for auv in auvs])
         second = len(self.scenario.filter_states)  # where the second column of the triangle begins
         position = carry.reported_covariance[[0, 1, second], :]
@@ -192,33 +206,38 @@ class StepBuilder:
 
     def _fleet(self, cna: ca.MX, command: ca.MX, carry: Carry, inputs: Inputs) -> list[ca.MX]:
         """Truth, mean, covariance, report, ranges and bearings of all AUVs at the step's end."""
-        kinds: dict[Process, list[int]] = {}
+        kinds: dict[Kind, list[int]] = {}
         for i in range(len(self.scenario.table.auv)):
-            kinds.setdefault(self._process(i), []).append(i)
+            kinds.setdefault(self._kind(i), []).append(i)
         known = [getattr(carry, name) for name in OF_AUV] + [getattr(inputs, n) for n in GIVEN_AUV]
         found = []
-        for process, these in kinds.items():
+        of_all = (cna, command, inputs.stream)
+        for kind, these in kinds.items():
             own = [field[:, these] for field in known]
-            shared = [ca.repmat(ca.vec(field), 1, len(these)) for field in (cna, command)]
-            found.append(self._of_one(process).map(len(these))(*own, *shared))
+            shared = [ca.repmat(ca.vec(field), 1, len(these)) for field in of_all]
+            found.append(self._of_one(kind).map(len(these))(*own, *shared))
         order = np.argsort(np.concatenate([*kinds.values()])).tolist()
         return [ca.horzcat(*columns)[:, order] for columns in zip(*found, strict=True)]
 
-    def _of_one(self, process: Process) -> ca.Function:
+    def _of_one(self, kind: Kind) -> ca.Function:
         """Each of `FOUND` of one AUV of a kind at the step's end."""
         names = (*OF_AUV, *GIVEN_AUV)
         own = {name: symbol(name, shape_of(name, self.scenario)[1]) for name in names}
         aids = len(self.planners)
-        cna, command = symbol("cna", 3 * aids), symbol("command", 2 * aids)
-        fleet = Fleet.of(self.scenario, ca.reshape(cna, 3, aids), ca.reshape(command, 2, aids))
-        results = Surveyor(self.scenario, process, fleet).step(Own(**own))
+        of_aid = {name: shape_of(name, self.scenario)[1] for name in ("cna", "command", "stream")}
+        shared = [symbol(name, rows * aids) for name, rows in of_aid.items()]
+        by_aid = [ca.reshape(column, -1, aids) for column in shared]
+        fleet = Fleet.of(self.scenario, *by_aid)
+        results = Surveyor(self.scenario, kind, fleet).step(Own(**own))
         found = [ca.densify(results[name]) for name in FOUND]
-        return ca.Function("of_one", [*own.values(), cna, command], found)
+        return ca.Function("of_one", [*own.values(), *shared], found)
 
-    def _process(self, i: int) -> Process:
-        """What the filter of an AUV assumes."""
+    def _kind(self, i: int) -> Kind:
+        """What the filter of an AUV assumes, and what measures its speed."""
         scenario = self.scenario
         assumed = noise(scenario, scenario.filter_states, assumed=True)[i]
-        return Process(
+        process = Process(
             model=scenario.vehicles[i], noise=tuple(assumed), dt=scenario.table.time_step
         )
+        logs = zip(scenario.true_logs[i], scenario.filter_logs[i], strict=True)
+        return Kind(process, scenario.assumed_currents[i], tuple(logs))

@@ -13,7 +13,7 @@ from obsplan.estimators import Process
 from obsplan.scenario import Scenario
 from obsplan.scenario.beacons import law_told
 from obsplan.scenario.states import BASIC
-from obsplan.sensors import Range
+from obsplan.sensors import Range, Sensor
 from obsplan.simulation.features import Features
 
 
@@ -36,6 +36,17 @@ class Own(NamedTuple):
     depth: SX
     depth_error: SX
     bearing_error: SX
+    log: SX
+    log_error: SX
+    water: SX
+
+
+class Kind(NamedTuple):
+    """What AUVs may have in common."""
+
+    process: Process  # what their filters assume
+    current: tuple[float, float]  # they count on [m/s]
+    logs: tuple[tuple[Sensor, Sensor], ...]  # that measure speed: of the true state, the filter's
 
 
 class Fleet(NamedTuple):
@@ -44,7 +55,7 @@ class Fleet(NamedTuple):
     beacons: list[SX]
 
     @classmethod
-    def of(cls, scenario: Scenario, cna: SX, command: SX) -> "Fleet":
+    def of(cls, scenario: Scenario, cna: SX, command: SX, stream: SX) -> "Fleet":
         """The beacons on the aid vehicles, and moored."""
         found = []
         for beacon in scenario.beacons:
@@ -61,6 +72,8 @@ class Fleet(NamedTuple):
                 east += ahead * cos - left * sin
                 north += ahead * sin + left * cos
             velocity = speed * ca.vertcat(cos, sin)
+            if stream.numel():
+                velocity += stream[:, beacon.carrier]
             found.append(ca.vertcat(east, north, pose[2], velocity, turn_rate, beacon.depth))
         return cls(found)
 
@@ -69,28 +82,30 @@ class Surveyor(NamedTuple):
     """An AUV of a kind, among the beacons at the step's end."""
 
     scenario: Scenario
-    process: Process
+    kind: Kind
     fleet: Fleet
 
     def step(self, own: Own) -> dict[str, SX]:
         """State, filter, report, ranges and bearings at the step's end."""
         scenario, filtering = self.scenario, self.scenario.estimator
-        compass = scenario.heading_sensor
+        compass, process = scenario.heading_sensor, self.kind.process
         m = len(scenario.filter_states)
         # the autopilot brings heading and speed back to the survey's, and measures what it did
         u = own.steer - own.truth[2:BASIC]
-        moved = self.process.model.step(own.truth, u, scenario.table.time_step)
+        moved = process.model.step(own.truth, u, scenario.table.time_step)
         after = moved + own.disturbance
-        x, P = filtering.predict(own.mean, unpack(own.covariance, m), u, self.process)
+        x, P = filtering.predict(own.mean, unpack(own.covariance, m), u, process)
         nowhere = self._told(0, own)
         heading = compass.measure(after, nowhere) + own.heading_error
         x, P = filtering.update(x, P, heading, compass, nowhere)
+        if self.kind.logs:
+            x, P = self._logged(after, x, P, own)
         x, P, heard, measured = self._ranged(after, x, P, own)
         pinged = partial(ca.if_else, heard)
         along = scenario.table.planner.knowledge == "estimate-and-survey"
         turns = own.steer - own.reported[2:BASIC] if along else ca.SX.zeros(2)
         reckoned, reckoned_P = filtering.predict(
-            own.reported, unpack(own.reported_covariance, m), turns, self.process
+            own.reported, unpack(own.reported_covariance, m), turns, process
         )
         return measured | {
             "truth": after,
@@ -99,6 +114,15 @@ class Surveyor(NamedTuple):
             "reported": pinged(x, reckoned),
             "reported_covariance": pinged(P, pack(reckoned_P)),
         }
+
+    def _logged(self, truth: SX, x: SX, P: SX, own: Own) -> tuple[SX, SX]:
+        """Filter after its speed was measured, where it was."""
+        seen, told = self._true(0, own), self._told(0, own)
+        before, before_P = x, P
+        for k, (true, assumed) in enumerate(self.kind.logs):
+            z = true.measure(truth, seen) + true.deviation(truth, seen) * own.log_error[k]
+            x, P = self.scenario.estimator.update(x, P, z, assumed, told)
+        return ca.if_else(own.log, x, before), ca.if_else(own.log, P, before_P)
 
     def _ranged(self, truth: SX, x: SX, P: SX, own: Own) -> tuple[SX, SX, SX, dict[str, SX]]:
         """Filter after the ranges of all beacons, whether an aid vehicle heard it, and what came.
@@ -158,10 +182,12 @@ class Surveyor(NamedTuple):
     def _true(self, b: int, own: Own) -> SX:
         """A beacon as it is, of the AUV's true depth and water (`BEACON`)."""
         depth = own.depth if Features.of(self.scenario).deep else ca.SX(0.0)
-        return ca.vertcat(self.fleet.beacons[b], depth, *self.scenario.table.environment.current)
+        varying = Features.of(self.scenario).varying
+        current = own.water if varying else ca.DM(self.scenario.water.current)
+        return ca.vertcat(self.fleet.beacons[b], depth, current)
 
     def _told(self, b: int, own: Own) -> SX:
         """A beacon as the AUV takes it, of the depth it measures and the water it counts on."""
         deep = Features.of(self.scenario).deep
         depth = own.depth + own.depth_error if deep else ca.SX(0.0)
-        return ca.vertcat(self.fleet.beacons[b], depth, *self.scenario.assumed_current)
+        return ca.vertcat(self.fleet.beacons[b], depth, *self.kind.current)

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
+from jaxtyping import Float
 
 from obsplan.quantities import POSITION, check_quantities
 from obsplan.surveys.reference import Reference
@@ -28,6 +29,12 @@ class Formation:
             raise ValueError("leader is empty: give the name of the AUV to stay beside")
         check_quantities(self)
 
-    def follow(self, leader: Reference) -> Reference:
-        """Motion beside the leader's, at the leader's speeds and holds."""
-        return replace(leader, polyline=leader.polyline + np.array([self.east, self.north]))
+    def follow(
+        self, leader: Reference, current: Float[np.ndarray, " 2"] | None = None
+    ) -> Reference:
+        """Motion beside the leader's, at its speeds over ground and holds.
+
+        In a ``current`` [m/s] of its own, by default the leader's.
+        """
+        polyline = leader.polyline + np.array([self.east, self.north])
+        return replace(leader, polyline=polyline, own_current=current)

@@ -125,6 +125,8 @@ class Reference:
     hold: Float[np.ndarray, " n"] | None = None  # time kept at each vertex [s]; None: none
     # c, east and north [m/s]
     current: Float[np.ndarray, " 2"] = field(default_factory=lambda: np.zeros(2))
+    # in which it steers to keep to the track, where that is another than c [m/s]
+    own_current: Float[np.ndarray, " 2"] | None = None
     initial_heading: float = 0.0  # [rad]; used until the vehicle first moves through the water
 
     def __post_init__(self):
@@ -267,7 +269,8 @@ class Reference:
                 f"time must be at least two increasing instants [s], got {time.size} of them"
             )
         position = self.position(time)
-        water = np.diff(position, axis=0) / dt[:, None] - self.current
+        current = self.current if self.own_current is None else self.own_current
+        water = np.diff(position, axis=0) / dt[:, None] - current
         speed = np.hypot(water[:, 0], water[:, 1])
         heading = self._continuous_heading(np.arctan2(water[:, 1], water[:, 0]), speed > 0)
         return Motion(
