@@ -42,10 +42,13 @@ class Trajectory:
     """Optimise the turns of the next stages by nonlinear programming and take the first.
 
     The program is `formulations.trajectory`. The criterion ``covariance`` minimises the time mean
-    of the trace of each AUV's predicted position covariance [m^2], as `InformationHorizon` does.
+    of the trace of each AUV's predicted position covariance [m^2], as `InformationHorizon` does:
+    each AUV's ranges come in its slot, over its height, err and are lost as the ranging says.
     The other criteria score the position block of each AUV's Gramian of the squared range over
-    the horizon. It grows with distance: limit the separation. ``score`` is the weighted mean over
-    AUVs of the trace, of -log det, of -log λmin, or of log((κ + 1)²/4κ).
+    the horizon. It grows with distance: limit the separation, unless the ranging's error grows as
+    well or ranges are lost with distance, since they then count the less
+    (`formulations.trajectory.share`). When ranges come does not enter it. ``score`` is the weighted
+    mean over AUVs of the trace, of -log det, of -log λmin, or of log((κ + 1)²/4κ).
 
     A stage lasts a whole number of decision intervals, and ends at a multiple of its length. So
     the rest of a trajectory can be followed. The first stage is what is left of the present one.
@@ -70,7 +73,9 @@ class Trajectory:
     _: KW_ONLY
     objective: Annotated[Objective, "what is minimised"] = "covariance"
     horizon: Annotated[
-        float, "least look-ahead [s]; ``covariance`` looks six pings ahead at least", INTERVAL
+        float,
+        "least look-ahead [s]; ``covariance`` looks six pings ahead at least, past silences",
+        INTERVAL,
     ] = 20.0
     stages: Annotated[int, "turns over the horizon, at least 2", TURNS] = 12
     max_turn_acceleration: Annotated[
