@@ -207,16 +207,12 @@ class Trajectory:
         ends = np.concatenate([[0.0], np.cumsum(durations)])
         times = np.sort(np.concatenate([ends, ends[:-1] + durations / 2]))
         positions = np.stack([auv.ahead(times) for auv in auvs], axis=1)
-        over_ground = np.diff(positions[::2], axis=0) / durations[:, None, None]
-        water = over_ground - np.array([auv.current for auv in auvs])
-        speeds = np.hypot(water[..., 0], water[..., 1])
-        still = speeds <= ROUNDING * cna.speed
-        ways = np.arctan2(water[..., 1], water[..., 0])
-        headings = np.where(still, [auv.mean[2] for auv in auvs], ways)
+        headings, speeds = self._motions(auvs, positions[::2], durations)
         noise = np.array([auv.process_noise for auv in auvs])
         growth = noise[:, 0] + durations[-1] * (speeds.max(axis=0) * noise[:, 1] + noise[:, 2])
         straying = SURE * growth * np.sqrt(durations[-1])
         heights = [auv.depth - self.situation.transducer_depth for auv in auvs]
+        pings = self.situation.schedule.pings(time + ends, len(auvs))
         return Task(
             pose=np.array([pose.x, pose.y, pose.heading]),
             turn_rate=pose.turn_rate,
@@ -224,7 +220,7 @@ class Trajectory:
             min_turn_radius=cna.min_turn_radius,
             durations=durations,
             reach=self._reach(),
-            pings=self.situation.schedule.pings(time + ends, len(auvs)),
+            pings=pings,
             positions=positions,
             heights=np.tile(heights, (len(times), 1)),
             headings=headings,
@@ -238,6 +234,17 @@ class Trajectory:
             least=self.constraints.min_separation,
             greatest=self.constraints.max_separation,
         )
+
+    def _motions(
+        self, auvs: Sequence[Belief], positions: np.ndarray, durations: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Headings [rad] and speeds through the water [m/s] between positions, stages x AUVs."""
+        over_ground = np.diff(positions, axis=0) / durations[:, None, None]
+        water = over_ground - np.array([auv.current for auv in auvs])
+        speeds = np.hypot(water[..., 0], water[..., 1])
+        still = speeds <= ROUNDING * self.situation.cna.speed
+        ways = np.arctan2(water[..., 1], water[..., 0])
+        return np.where(still, [auv.mean[2] for auv in auvs], ways), speeds
 
     def _reach(self) -> np.ndarray | None:
         """By how much the turn rate may change at each decision [rad/s]; None: by any amount."""
