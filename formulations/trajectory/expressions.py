@@ -98,7 +98,8 @@ def stage_blocks(shape: Shape) -> dict[str, tuple[int, int]]:
 
     The limits are looked at once within the stage, ``look`` after its beginning, and at its end.
     ``margin`` is for what lies between these: of areas, least and greatest separation. ``there`` is
-    where AUVs are at the end, or those that a Gramian is of at start, middle and end.
+    where AUVs are at the end, or those that a Gramian is of at start, middle and end, and
+    ``height`` how far the aid vehicle is above them then.
     """
     covariance = shape.objective == "covariance"
     if covariance:

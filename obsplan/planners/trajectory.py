@@ -42,10 +42,13 @@ class Trajectory:
     """Optimise the turns of the next stages by nonlinear programming and take the first.
 
     The program is `formulations.trajectory`. The criterion ``covariance`` minimises the time mean
-    of the trace of each AUV's predicted position covariance [m^2], as `InformationHorizon` does.
+    of the trace of each AUV's predicted position covariance [m^2], as `InformationHorizon` does:
+    each AUV's ranges come in its slot, over its height, err and are lost as the ranging says.
     The other criteria score the position block of each AUV's Gramian of the squared range over
-    the horizon. It grows with distance: limit the separation. ``score`` is the weighted mean over
-    AUVs of the trace, of -log det, of -log λmin, or of log((κ + 1)²/4κ).
+    the horizon. It grows with distance: limit the separation, unless the ranging's error grows as
+    well or ranges are lost with distance, since they then count the less
+    (`formulations.trajectory.share`). When ranges come does not enter it. ``score`` is the weighted
+    mean over AUVs of the trace, of -log det, of -log λmin, or of log((κ + 1)²/4κ).
 
     A stage lasts a whole number of decision intervals, and ends at a multiple of its length. So
     the rest of a trajectory can be followed. The first stage is what is left of the present one.
@@ -70,7 +73,9 @@ class Trajectory:
     _: KW_ONLY
     objective: Annotated[Objective, "what is minimised"] = "covariance"
     horizon: Annotated[
-        float, "least look-ahead [s]; ``covariance`` looks six pings ahead at least", INTERVAL
+        float,
+        "least look-ahead [s]; ``covariance`` looks six pings ahead at least, past silences",
+        INTERVAL,
     ] = 20.0
     stages: Annotated[int, "turns over the horizon, at least 2", TURNS] = 12
     max_turn_acceleration: Annotated[
@@ -203,16 +208,12 @@ class Trajectory:
         ends = np.concatenate([[0.0], np.cumsum(durations)])
         times = np.sort(np.concatenate([ends, ends[:-1] + durations / 2]))
         positions = np.stack([auv.ahead(times) for auv in auvs], axis=1)
-        over_ground = np.diff(positions[::2], axis=0) / durations[:, None, None]
-        water = over_ground - np.array([auv.current for auv in auvs])
-        speeds = np.hypot(water[..., 0], water[..., 1])
-        still = speeds <= ROUNDING * cna.speed
-        ways = np.arctan2(water[..., 1], water[..., 0])
-        headings = np.where(still, [auv.mean[2] for auv in auvs], ways)
+        headings, speeds = self._motions(auvs, positions[::2], durations)
         noise = np.array([auv.process_noise for auv in auvs])
         growth = noise[:, 0] + durations[-1] * (speeds.max(axis=0) * noise[:, 1] + noise[:, 2])
         straying = SURE * growth * np.sqrt(durations[-1])
         heights = [auv.depth - self.situation.transducer_depth for auv in auvs]
+        pings = self.situation.schedule.pings(time + ends, len(auvs))
         return Task(
             pose=np.array([pose.x, pose.y, pose.heading]),
             turn_rate=pose.turn_rate,
@@ -220,7 +221,7 @@ class Trajectory:
             min_turn_radius=cna.min_turn_radius,
             durations=durations,
             reach=self._reach(),
-            pings=self.situation.schedule.pings(time + ends, len(auvs)),
+            pings=pings,
             positions=positions,
             heights=np.tile(heights, (len(times), 1)),
             headings=headings,
@@ -234,6 +235,17 @@ class Trajectory:
             least=self.constraints.min_separation,
             greatest=self.constraints.max_separation,
         )
+
+    def _motions(
+        self, auvs: Sequence[Belief], positions: np.ndarray, durations: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Headings [rad] and speeds through the water [m/s] between positions, stages x AUVs."""
+        over_ground = np.diff(positions, axis=0) / durations[:, None, None]
+        water = over_ground - np.array([auv.current for auv in auvs])
+        speeds = np.hypot(water[..., 0], water[..., 1])
+        still = speeds <= ROUNDING * self.situation.cna.speed
+        ways = np.arctan2(water[..., 1], water[..., 0])
+        return np.where(still, [auv.mean[2] for auv in auvs], ways), speeds
 
     def _reach(self) -> np.ndarray | None:
         """By how much the turn rate may change at each decision [rad/s]; None: by any amount."""
