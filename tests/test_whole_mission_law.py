@@ -238,15 +238,15 @@ def test_planned_orbit_has_the_radius_of_the_law(sigma, growth, radius):
 def test_two_vehicles_at_once_beat_one_and_each_in_turn():
     both = at_sea(beacons=())
     one = replace(both, vehicles=both.vehicles[:1])
-    alone = optimise(one, hold=4, count=8, random=RNG(2))
-    in_turns = in_turn(both, hold=4, count=8, random=RNG(2))
-    plan = optimise(both, hold=4, count=8, random=RNG(2))
-    assert plan.x.shape == (2, 16)
+    alone = optimise(one, hold=8, count=3, random=RNG(2))
+    in_turns = in_turn(both, hold=8, count=3, random=RNG(2))
+    plan = optimise(both, hold=8, count=3, random=RNG(2))
+    assert plan.x.shape == (2, 8)
     assert plan.objective < 0.9 * alone.objective
     assert plan.objective <= in_turns.value
     limits = np.array([[vehicle.max_turn_rate] for vehicle in both.vehicles])
     assert (np.abs(plan.x) <= limits).all()
-    x = paths(both, plan.x / limits, 4)
+    x = paths(both, plan.x / limits, 8)
     scored = PredictedVariance(both).value(x[:, both.stages.end].swapaxes(0, 1))
     assert plan.objective == pytest.approx(scored, rel=1e-9)
 
@@ -265,16 +265,16 @@ def test_planning_in_turn_ends_where_no_vehicle_alone_does_better():
 @pytest.mark.slow
 def test_vehicles_keep_their_distances():
     m = at_sea(beacons=())
-    free = optimise(m, hold=4, count=3, random=RNG(3))
+    free = optimise(m, hold=8, count=1, random=RNG(3))
     limits = np.array([[vehicle.max_turn_rate] for vehicle in m.vehicles])
 
     def distances(plan):
-        one, other = paths(m, plan.x / limits, 4)
+        one, other = paths(m, plan.x / limits, 8)
         return np.hypot(*(one - other).T)[1:]
 
     least = 1.2 * distances(free).min()
     held = replace(m, vehicles=tuple(replace(v, margin=0.3) for v in m.vehicles))
-    kept = optimise(replace(held, separation=(least, 80.0)), hold=4, count=3, random=RNG(3))
+    kept = optimise(replace(held, separation=(least, 80.0)), hold=8, count=1, random=RNG(3))
     assert kept.status in (Status.OPTIMAL, Status.INACCURATE, Status.BEST_MANOEUVRE)
     assert distances(kept).min() >= least
     assert distances(kept).max() <= 80.0
