@@ -42,7 +42,7 @@ def at_sea(**change):
         speed=1.5,
         max_turn_rate=0.2,
         ranging=LEVEL,
-        schedule=Schedule(interval=6.0, offsets=(2.0, 0.0)),
+        schedule=Schedule(interval=6.0, offsets=(2.2, 0.0)),
         depth=3.0,
     )
     moored = Beacon(
@@ -69,11 +69,11 @@ def paths(m, w, hold):
 
 
 def due(schedule, auv, time, step):
-    """Whether a range is due at the sample nearest to it: round by round, in plain numbers."""
+    """Whether a range has come due since the sample before: round by round, in plain numbers."""
     for k in range(1, 1000):
         at = k * schedule.interval + (schedule.offsets[auv] if schedule.offsets else 0.0)
         quiet = any(start <= at <= stop for start, stop in schedule.silent)
-        if not quiet and abs(at - time) < 0.5 * step - 1e-9:
+        if not quiet and -1e-9 < time - at < step - 1e-9:
             return True
     return False
 
@@ -82,7 +82,9 @@ def ranged(P, x, ranging, height):
     """Covariance after one range that may be lost: the mixture of both outcomes, the one that it comes in information form."""
     r = math.sqrt(x @ x + (height**2 if ranging.slant else 0.0))
     within = 1 / (1 + math.exp((r / ranging.reach - 1) / 0.05)) if ranging.reach < math.inf else 1.0
-    p = (1 - ranging.loss) * 0.5 ** ((r / ranging.half_distance) ** 2) * within
+    near = 0.5 ** ((r / ranging.half_distance) ** 2) * within
+    afar = 0.01 * (1 - near) / (1 + r / ranging.half_distance + r / ranging.reach)
+    p = (1 - ranging.loss) * (near + afar)
     bend = (np.eye(2) - np.outer(x, x) / r**2) / r @ P[:2, :2]  # Hessian of the range, times P
     second = (np.trace(bend) ** 2 + 2 * np.trace(bend @ bend)) / 4
     R = ranging.sigma**2 + (ranging.growth * r) ** 2 + second
@@ -130,7 +132,7 @@ def test_ranges_count_in_their_slots_and_none_in_silences():
         [8, 16, 32, 40, 48, 56, 64],
         [11, 19, 35, 43, 51, 59],
     ]
-    assert [list(pings) for pings in second] == [[16, 28, 40, 52, 64], [12, 24, 36, 48, 60]]
+    assert [list(pings) for pings in second] == [[17, 29, 41, 53], [12, 24, 36, 48, 60]]
     assert [list(pings) for pings in moored] == [[20, 36, 52], [25, 41, 57]]
     late = replace(at_sea(), begin=5.0, beacons=())  # 10 samples later
     assert list(late.pings[0][0]) == [6, 22, 30, 38, 46, 54, 62]
@@ -171,8 +173,10 @@ def test_information_of_a_beacon_is_that_of_its_ranges_one_by_one():
     (beacon,) = m.beacons
     x, h = beacon.position[25] - m.position[25, 1], m.depth[25, 1] - 40.0
     r = math.sqrt(x @ x + h**2)
-    p = 0.8 * 0.5 ** ((r / 50) ** 2) / (1 + math.exp((r / 70 - 1) / 0.05))
-    expected = p * np.outer(x, x) / r**2 / (0.8**2 + (0.03 * r) ** 2)
+    assert r < 70.0  # within reach
+    p, sigma = 0.8 * 0.5 ** ((r / 50) ** 2), math.hypot(0.8, 0.03 * r)
+    slope = 0.03**2 * r / sigma  # the deviation's, which tells of the distance as well
+    expected = p * np.outer(x, x) / r**2 * (1 + 2 * slope**2) / sigma**2
     np.testing.assert_allclose(told[25, 1], expected, rtol=1e-9)
 
 
