@@ -159,7 +159,7 @@ def test_gradient_is_the_difference_quotient_with_everything_on(beginning):
 
 
 def test_gradient_is_finite_on_top_of_an_auv_where_no_range_is_due():
-    m = mission(steps=12, auvs=1, every=20, ranging=Ranging(1.0, half_distance=100.0))
+    m = mission(steps=12, auvs=1, every=20, ranging=Ranging(1.0, half_distance=1e4))
     there = m.position[m.stages.end, :1]
     value, gradient = PredictedVariance(m)(there)
     assert math.isfinite(value)
