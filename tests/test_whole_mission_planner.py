@@ -8,6 +8,7 @@ import pytest
 from oracles import Silent, arc, recording, scenario
 
 import obsplan as op
+from formulations.model.ranging import Ranging
 from obsplan.constraints import Constraints, Disc
 from obsplan.planners.whole_mission import Limits, frame_at
 from obsplan.planning.limits import SURE
@@ -247,6 +248,30 @@ def test_plan_made_near_the_end_expects_no_ranges_but_the_missions(monkeypatch):
     with pytest.raises(AttributeError):
         planner.open_loop(op.Pose(1.0, 2.0, 3.0), time=33.0)
     assert [list(pings) for pings in asked[0].pings[0]] == [[4], [4]]  # at 35 s
+
+
+def test_search_is_told_of_depths_slots_silences_and_how_ranges_err(monkeypatch):
+    asked = []
+    monkeypatch.setattr(
+        "obsplan.planners.whole_mission.optimise", lambda known, **_: asked.append(known)
+    )
+    planner = small(ranging__interval=8.0).planner()
+    law = Ranging(1.0, growth=0.01, slant=True, loss=0.1, reach=500.0)
+    planner = told_otherwise(
+        planner,
+        ranging=law,
+        slots=(0.0, 3.0),
+        silent=((20.0, 30.0),),
+        transducer_depth=2.0,
+        filed=replace(planner.filed, depth=np.array([[20.0, 50.0]])),
+    )
+    with pytest.raises(AttributeError):
+        planner.open_loop(op.Pose(1.0, 2.0, 3.0), time=5.0)
+    (vehicle,) = asked[0].vehicles
+    assert vehicle.ranging == law
+    assert [list(pings) for pings in asked[0].pings[0]] == [[6, 22, 54, 70], [12, 28, 60]]
+    np.testing.assert_array_equal(asked[0].height(vehicle)[3], [18.0, 48.0])
+    assert [belief.depth for belief in planner.filed.beliefs] == [20.0, 50.0]
 
 
 @pytest.mark.slow

@@ -2,14 +2,11 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
-from functools import cache
 
-import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from ..model.casadi import of_each, symbol
-from ..model.ranging import EDGE, NUMBERS, Form, arrival, law, variance
+from ..cramer_rao import ranging_information
 from .limits import apart
 from .problem import AidVehicle, Beacon, Problem, Violation
 
@@ -63,23 +60,11 @@ def information(problem: Problem) -> Float[np.ndarray, "samples M 2 2"]:
     """
     total = np.zeros((problem.steps + 1, len(problem.weights), 2, 2))
     pings = problem.pings[len(problem.vehicles) :]
-    for beacon, of_each_auv in zip(problem.beacons, pings, strict=True):
+    for beacon, of_each in zip(problem.beacons, pings, strict=True):
         height = problem.height(beacon)
-        for auv, samples in enumerate(of_each_auv):
+        for auv, samples in enumerate(of_each):
             x = beacon.position[samples] - problem.position[samples, auv]
-            numbers = np.array(beacon.ranging.numbers)
-            told = _of_one_range(beacon.ranging.form)
-            (each,) = of_each(told, x, numbers, height[samples, auv])
-            np.add.at(total[:, auv], samples, each)
+            above = height[samples, auv]
+            told = ranging_information(x, beacon.ranging, above, expected=True)
+            np.add.at(total[:, auv], samples, told)
     return total
-
-
-@cache
-def _of_one_range(form: Form) -> ca.Function:
-    """(relative position, numbers of the law, height) -> expected information."""
-    x, numbers, height = symbol("x", 2), symbol("law", NUMBERS), symbol("height")
-    ranging = law(form, numbers)
-    r2 = ca.sumsqr(x) + (height**2 if form.slant else 0)
-    error = variance(ranging, r2) * (0.25 if form.squared else r2)
-    told = arrival(ranging, r2, edge=EDGE) * x @ x.T / error
-    return ca.Function("of_one_range", [x, numbers, height], [told])

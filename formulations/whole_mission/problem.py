@@ -27,7 +27,7 @@ from jaxtyping import Float, Integer
 
 from ..model.quadrature import simpson
 from ..model.ranging import Ranging
-from ..model.schedule import Schedule
+from ..model.schedule import ROUNDING, Schedule
 
 HEADING = 2  # index in the state
 # Steps of the covariance recursion; ranges at more instants than that are taken together.
@@ -62,8 +62,8 @@ class MissionStages(NamedTuple):
 class AidVehicle:
     """An aid vehicle to plan for, and its ranges to the AUVs.
 
-    The schedule's interval is a whole number of samples, the first beginning at time 0; ranges in
-    between count at the nearest sample.
+    The schedule's interval is a whole number of time steps. Ranges between samples are measured at
+    the later one.
     """
 
     start: Float[np.ndarray, "3"]  # east, north [m], heading [rad]
@@ -133,7 +133,7 @@ class Problem:
     def _pings(self, schedule: Schedule, auv: int) -> Integer[np.ndarray, " N"]:
         end = self.begin + self.steps * self.time_step
         since = schedule.times(auv, self.begin, end) - self.begin
-        return np.clip(np.round(since / self.time_step).astype(int), 1, self.steps)
+        return np.ceil(since / self.time_step - ROUNDING).astype(int)
 
     @cached_property
     def stages(self) -> MissionStages:

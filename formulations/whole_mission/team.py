@@ -9,7 +9,6 @@ from .path import Turns
 from .problem import Beacon, Problem
 from .search import (
     ITERATIONS,
-    REDUCTION,
     Candidate,
     Objective,
     Progress,
@@ -21,6 +20,7 @@ from .search import (
 )
 
 ROUNDS = 20  # at most, in which each vehicle is planned again given the others
+SETTLED = 1e-4  # of the objective's unit; rounds that improve by less are the last
 
 
 def optimise(
@@ -59,7 +59,7 @@ def in_turn(
     """Turns of several vehicles, each planned given the others' until none changes.
 
     Each is first planned by a multi-start, given where those before it go; then it descends from
-    its turns, given all others', until that improves the mean variance of all no more.
+    its turns, given all others', until a round improves the mean variance by less than `SETTLED`.
     """
     objective = Objective(Turns(problem, hold))
     turns, before = [], []
@@ -99,9 +99,9 @@ def others(turns: Turns, w: Float[np.ndarray, " n"], k: int) -> list[Beacon]:
 
 
 def _better(objective: Objective, one: Candidate, other: Candidate) -> bool:
-    """Whether it breaks limits less, or its mean variance is less by what ends a descent."""
+    """Whether it breaks limits less, or its mean variance is less by `SETTLED`."""
     (one_broken, one_value), (broken, value) = rank(one), rank(other)
-    least = REDUCTION * objective.unit
+    least = SETTLED * objective.unit
     return one_broken < broken or (one_broken == broken and one_value < value - least)
 
 
