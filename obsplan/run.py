@@ -15,12 +15,14 @@ from formulations.cramer_rao import (
     range_information,
     squared_range_information,
 )
+from formulations.model.worth import least_sigma
 from formulations.solution import Status
 from obsplan.constraints import LimitHistory
 from obsplan.estimators import Process
 from obsplan.estimators.jacobian import informations, predictions, transitions
 from obsplan.kept_bounds import KEPT
 from obsplan.scenario import Scenario
+from obsplan.scenario.beacons import law_told
 from obsplan.scenario.states import first_covariance, noise
 from obsplan.sensors import BEACON, Range, SquaredRange
 from obsplan.types import ObsplanError
@@ -212,8 +214,9 @@ class Run:
         """Posterior Cramér-Rao bound of the true states along the true path.
 
         It begins with their first covariance and counts the process noise that the filter assumes,
-        and the ranges that came. A filter that has to find out more than these states cannot reach
-        it.
+        and the ranges that came. Of them it is as if nothing moved while the sound travels, at its
+        true speed; that is off by the vehicles' speed over that of sound. A filter that has to find
+        out more than these states cannot reach it.
         """
         return np.stack([*self._posterior()])
 
@@ -245,7 +248,7 @@ class Run:
         sensor, truth = self.scenario.range_sensor, self.truth[i, pings]
         gain = GAINS.get(type(sensor))
         if isinstance(sensor, Range) and not sensor.is_plain:
-            gain = None
+            sensor, gain = sensor.at_rest, None
         beacon = self._beacon(b, i, pings)
         if gain is None:
             J = informations(sensor, truth, beacon)
@@ -281,25 +284,28 @@ class Run:
             return "no bound over all paths was asked for"
         if not self.came.any():
             return "not one range was measured, and no path is better than another"
-        sensor = self.scenario.range_sensor
-        known = type(sensor) in GAINS and not (isinstance(sensor, Range) and not sensor.is_plain)
-        if known and len(self.ranges) == 1 and self.scenario.bearing_sensor is None:
-            return ""
-        if type(sensor) not in GAINS:
+        if self.scenario.bearing_sensor is not None:
             return (
-                "no bound over all paths is known for the ranging "
-                f"{type(sensor).__module__}:{type(sensor).__qualname__}; "
-                "there is one for ranges and squared ranges of a constant standard deviation"
+                "no bound over all paths is known for bearings: the nearer the aid vehicle is, the "
+                "more they tell"
             )
-        return "no bound over all paths is known for such ranging"
+        sensor = type(self.scenario.range_sensor)
+        if sensor in GAINS:
+            return ""
+        return (
+            "no bound over all paths is known for the ranging "
+            f"{sensor.__module__}:{sensor.__qualname__}; "
+            'there is one for the kinds "range" and "squared-range"'
+        )
 
     @cached_property
     def information_bounds(self) -> tuple[InformationBound, ...]:
         """Per AUV, a certified lower bound on the mean square position error of every path.
 
-        It is of unbiased estimators from the first covariance on, along the true AUV trajectory. A
-        squared range is worth more the farther: there it holds for every path the aid vehicle can
-        travel from its start.
+        It is of unbiased estimators from the first covariance on, along the true AUV trajectory,
+        by ranges that come when they came; those to moored beacons are as they are. Where what a
+        range tells depends on distance, it holds for every path that the aid vehicles can travel
+        from their starts.
 
         Raises
         ------
@@ -329,24 +335,36 @@ class Run:
         return derived["information_bounds"]
 
     def _certified(self, progress: Progress) -> tuple[InformationBound, ...]:
-        auvs, J = len(self.names), self._compass_information()
+        auvs, of_compass = len(self.names), self._compass_information()
         bounds = []
         for i, (P0, Q) in enumerate(zip(*self._covariances, strict=True)):
             tell = partial(_tell, progress, i, auvs)
-            F, pings = self._transitions(i), np.flatnonzero(self.came[0, i])
-            sigma = self._least_sigma(i, pings)
-            bounds.append(KEPT.bound(P0, F, Q, J, pings=pings - 1, sigma=sigma, progress=tell))
+            J, pings, sigmas = of_compass.copy(), [], []
+            for b, beacon in enumerate(self.scenario.beacons):
+                at = np.flatnonzero(self.came[b, i])
+                if beacon.carrier is None:
+                    J[at - 1] += self._information(b, i, at)
+                    continue
+                pings.append(at)
+                sigmas.append(self._least_sigma(b, i, at))
+            given = {"pings": _joined(pings).astype(int) - 1, "sigma": _joined(sigmas)}
+            bounds.append(KEPT.bound(P0, self._transitions(i), Q, J, **given, progress=tell))
         return tuple(bounds)
 
     def _least_sigma(
-        self, i: int, pings: Integer[np.ndarray, " pings"]
+        self, b: int, i: int, pings: Integer[np.ndarray, " pings"]
     ) -> Float[np.ndarray, " pings"]:
-        """Smallest standard deviation [m] of a range that any path reaches at each ping."""
-        sigma = self.scenario.range_sensor.sigma
-        if self.scenario.ranging_kind == "range":
-            return np.full(pings.size, sigma)
-        start = np.hypot(*np.moveaxis(self.truth[i, pings, :2] - self.cna[0, :2], -1, 0))
-        return sigma / (2 * (start + self.scenario.cna.speed * self.time[pings]))
+        """Smallest standard deviation [m] of a range to a carried beacon, whatever the path."""
+        scenario, beacon = self.scenario, self.scenario.beacons[b]
+        law = law_told(scenario.range_sensor, scenario.table.ranging)
+        away = self.truth[i, pings, :2] - self.beacon_places[b, 0]
+        start = np.hypot(away[:, 0], away[:, 1])
+        # a beacon ahead of the vehicle's middle swings round with it
+        travelled = scenario.aids[beacon.carrier].speed * self.time[pings]
+        travelled = travelled + 2 * np.hypot(*beacon.place)
+        nearest = np.maximum(start - travelled, 0.0)
+        height = scenario.depths[pings, i] - beacon.depth
+        return least_sigma(law, nearest, start + travelled, height)
 
     @property
     def _covariances(self) -> tuple[np.ndarray, np.ndarray]:
@@ -433,6 +451,11 @@ class Run:
 
         with styled():
             return map_figure(self)
+
+
+def _joined(arrays: list[np.ndarray]) -> np.ndarray:
+    """Arrays one after the other, or none."""
+    return np.concatenate([np.empty(0), *arrays])
 
 
 def _tell(progress: Progress, done: int, auvs: int, share: float) -> None:
