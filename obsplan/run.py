@@ -1,38 +1,29 @@
 """What was recorded of a mission, and what follows from it."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Integer
+from jaxtyping import Bool, Float
 
 from formulations.certified_bound import InformationBound
 from formulations.consistency import effective_samples
-from formulations.cramer_rao import (
-    posterior_cramer_rao,
-    range_information,
-    squared_range_information,
-)
-from formulations.model.worth import least_sigma
 from formulations.solution import Status
+from obsplan.bounds import Bounds
 from obsplan.constraints import LimitHistory
 from obsplan.estimators import Process
-from obsplan.estimators.jacobian import informations, predictions, transitions
-from obsplan.kept_bounds import KEPT
+from obsplan.estimators.jacobian import predictions
 from obsplan.scenario import Scenario
-from obsplan.scenario.beacons import law_told
-from obsplan.scenario.states import first_covariance, noise
-from obsplan.sensors import BEACON, Range, SquaredRange
+from obsplan.scenario.states import noise
+from obsplan.sensors import Range, SquaredRange
 from obsplan.types import ObsplanError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Progress = Callable[[float, int], None]  # done, in all
-
-GAINS = {Range: range_information, SquaredRange: squared_range_information}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,64 +209,28 @@ class Run:
         true speed; that is off by the vehicles' speed over that of sound. A filter that has to find
         out more than these states cannot reach it.
         """
-        return np.stack([*self._posterior()])
+        return np.stack([*self._bounds.posterior()])
 
     @cached_property
     def cramer_rao_variance(self) -> Float[np.ndarray, "auvs samples"]:
         """Mean square position error by the `cramer_rao` bound [m^2]; a smaller array than that."""
-        return np.stack([P[:, 0, 0] + P[:, 1, 1] for P in self._posterior()])
+        return np.stack([P[:, 0, 0] + P[:, 1, 1] for P in self._bounds.posterior()])
 
     @cached_property
     def unaided_variance(self) -> Float[np.ndarray, "auvs samples"]:
         """`cramer_rao_variance` as it would be without a single range: that of dead reckoning."""
-        return np.stack([P[:, 0, 0] + P[:, 1, 1] for P in self._posterior(aided=False)])
+        return np.stack([P[:, 0, 0] + P[:, 1, 1] for P in self._bounds.posterior(aided=False)])
 
-    def _posterior(self, *, aided: bool = True) -> Iterator[Float[np.ndarray, "samples n n"]]:
-        """Posterior Cramér-Rao bound of each AUV, of compass and, if aided, ranges."""
-        of_compass = self._compass_information()
-        for i, (P0, Q) in enumerate(zip(*self._covariances, strict=True)):
-            J = of_compass.copy()
-            if aided:
-                for b in range(len(self.ranges)):
-                    pings = np.flatnonzero(self.came[b, i])
-                    J[pings - 1] += self._information(b, i, pings)
-            yield posterior_cramer_rao(P0, self._transitions(i), Q, J)
-
-    def _information(
-        self, b: int, i: int, pings: Integer[np.ndarray, " pings"]
-    ) -> Float[np.ndarray, "pings n n"]:
-        """What an AUV's ranges to a beacon tell of its true state, and bearings with them."""
-        sensor, truth = self.scenario.range_sensor, self.truth[i, pings]
-        gain = GAINS.get(type(sensor))
-        if isinstance(sensor, Range) and not sensor.is_plain:
-            sensor, gain = sensor.at_rest, None
-        beacon = self._beacon(b, i, pings)
-        if gain is None:
-            J = informations(sensor, truth, beacon)
-        else:
-            J = np.zeros((*truth.shape, truth.shape[-1]))
-            J[..., :2, :2] = gain(beacon[:, :2], truth[:, :2], sensor.sigma)
-        bearing = self.scenario.bearing_sensor
-        return J if bearing is None else J + informations(bearing, truth, beacon)
-
-    def _beacon(
-        self, b: int, i: int, samples: Integer[np.ndarray, " some"]
-    ) -> Float[np.ndarray, "some 10"]:
-        """A beacon as an AUV's sensor sees it at samples (`obsplan.sensors.BEACON`)."""
-        beacon, some = self.scenario.beacons[b], samples.size
-        found = np.zeros((some, len(BEACON)))
-        found[:, :2] = self.beacon_places[b, samples]
-        if beacon.carrier is not None:
-            aid = self.aids[beacon.carrier]
-            before = samples - 1  # what is held until the sample
-            heading, speed = aid.pose[samples, 2], aid.speed[before]
-            found[:, 2] = heading
-            found[:, 3], found[:, 4] = speed * np.cos(heading), speed * np.sin(heading)
-            found[:, 5] = aid.turn_rate[before]
-        found[:, 6] = beacon.depth
-        found[:, 7] = self.scenario.depths[samples, i]
-        found[:, 8:] = self.scenario.table.environment.current
-        return found
+    @property
+    def _bounds(self) -> Bounds:
+        return Bounds(
+            scenario=self.scenario,
+            time=self.time,
+            truth=self.truth,
+            came=self.came,
+            beacon_places=self.beacon_places,
+            aids=self.aids,
+        )
 
     @property
     def unbounded(self) -> str:
@@ -290,7 +245,7 @@ class Run:
                 "more they tell"
             )
         sensor = type(self.scenario.range_sensor)
-        if sensor in GAINS:
+        if sensor in (Range, SquaredRange):
             return ""
         return (
             "no bound over all paths is known for the ranging "
@@ -331,60 +286,9 @@ class Run:
             raise ObsplanError(self.unbounded)
         derived = vars(self)  # where a cached property keeps its value
         if "information_bounds" not in derived:
-            derived["information_bounds"] = self._certified(progress or (lambda _done, _all: None))
+            tell = progress or (lambda _done, _all: None)
+            derived["information_bounds"] = self._bounds.certified(tell)
         return derived["information_bounds"]
-
-    def _certified(self, progress: Progress) -> tuple[InformationBound, ...]:
-        auvs, of_compass = len(self.names), self._compass_information()
-        bounds = []
-        for i, (P0, Q) in enumerate(zip(*self._covariances, strict=True)):
-            tell = partial(_tell, progress, i, auvs)
-            J, pings, sigmas = of_compass.copy(), [], []
-            for b, beacon in enumerate(self.scenario.beacons):
-                at = np.flatnonzero(self.came[b, i])
-                if beacon.carrier is None:
-                    J[at - 1] += self._information(b, i, at)
-                    continue
-                pings.append(at)
-                sigmas.append(self._least_sigma(b, i, at))
-            given = {"pings": _joined(pings).astype(int) - 1, "sigma": _joined(sigmas)}
-            bounds.append(KEPT.bound(P0, self._transitions(i), Q, J, **given, progress=tell))
-        return tuple(bounds)
-
-    def _least_sigma(
-        self, b: int, i: int, pings: Integer[np.ndarray, " pings"]
-    ) -> Float[np.ndarray, " pings"]:
-        """Smallest standard deviation [m] of a range to a carried beacon, whatever the path."""
-        scenario, beacon = self.scenario, self.scenario.beacons[b]
-        law = law_told(scenario.range_sensor, scenario.table.ranging)
-        away = self.truth[i, pings, :2] - self.beacon_places[b, 0]
-        start = np.hypot(away[:, 0], away[:, 1])
-        # a beacon ahead of the vehicle's middle swings round with it
-        travelled = scenario.aids[beacon.carrier].speed * self.time[pings]
-        travelled = travelled + 2 * np.hypot(*beacon.place)
-        nearest = np.maximum(start - travelled, 0.0)
-        height = scenario.depths[pings, i] - beacon.depth
-        return least_sigma(law, nearest, start + travelled, height)
-
-    @property
-    def _covariances(self) -> tuple[np.ndarray, np.ndarray]:
-        """First covariance and process noise over a step of each AUV, both (auvs x n x n)."""
-        scenario = self.scenario
-        rows = noise(scenario, scenario.truth_states, assumed=True)
-        process = [np.diag(row**2 * scenario.table.time_step) for row in rows]
-        return first_covariance(scenario, scenario.truth_states), np.stack(process)
-
-    def _transitions(self, i: int) -> Float[np.ndarray, "steps n n"]:
-        """Jacobians of an AUV's steps; not kept, as those of a long mission are large."""
-        dt, vehicle = self.scenario.table.time_step, self.scenario.vehicles[i]
-        return transitions(vehicle, self.truth[i, :-1], dt)
-
-    def _compass_information(self) -> Float[np.ndarray, "steps n n"]:
-        """What the heading measured on arrival at each sample after the first tells of states."""
-        n = self.truth.shape[-1]
-        J = np.zeros((self.time.size - 1, n, n))
-        J[:, 2, 2] = self.scenario.heading_sensor.sigma**-2
-        return J
 
     @property
     def status_counts(self) -> dict[str, int]:
@@ -451,13 +355,3 @@ class Run:
 
         with styled():
             return map_figure(self)
-
-
-def _joined(arrays: list[np.ndarray]) -> np.ndarray:
-    """Arrays one after the other, or none."""
-    return np.concatenate([np.empty(0), *arrays])
-
-
-def _tell(progress: Progress, done: int, auvs: int, share: float) -> None:
-    """Say that this share is done of one more AUV."""
-    progress(done + share, auvs)
