@@ -1,37 +1,29 @@
 """What was recorded of a mission, and what follows from it."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Integer
+from jaxtyping import Bool, Float
 
 from formulations.certified_bound import InformationBound
 from formulations.consistency import effective_samples
-from formulations.cramer_rao import (
-    posterior_cramer_rao,
-    range_information,
-    squared_range_information,
-)
 from formulations.solution import Status
+from obsplan.bounds import Bounds
 from obsplan.constraints import LimitHistory
 from obsplan.estimators import Process
-from obsplan.estimators.jacobian import informations, predictions, transitions
-from obsplan.kept_bounds import KEPT
+from obsplan.estimators.jacobian import predictions
 from obsplan.scenario import Scenario
-from obsplan.scenario.states import first_covariance, noise
-from obsplan.scenario.tables import aids_of
-from obsplan.sensors import BEACON, Range, SquaredRange
+from obsplan.scenario.states import noise
+from obsplan.sensors import Range, SquaredRange
 from obsplan.types import ObsplanError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Progress = Callable[[float, int], None]  # done, in all
-
-GAINS = {Range: range_information, SquaredRange: squared_range_information}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,66 +205,32 @@ class Run:
         """Posterior Cramér-Rao bound of the true states along the true path.
 
         It begins with their first covariance and counts the process noise that the filter assumes,
-        and the ranges that came. A filter that has to find out more than these states cannot reach
-        it.
+        and the ranges that came. Of them it is as if nothing moved while the sound travels, at its
+        true speed; that is off by the vehicles' speed over that of sound. A filter that has to find
+        out more than these states cannot reach it.
         """
-        return np.stack([*self._posterior()])
+        return np.stack([*self._bounds.posterior()])
 
     @cached_property
     def cramer_rao_variance(self) -> Float[np.ndarray, "auvs samples"]:
         """Mean square position error by the `cramer_rao` bound [m^2]; a smaller array than that."""
-        return np.stack([P[:, 0, 0] + P[:, 1, 1] for P in self._posterior()])
+        return np.stack([P[:, 0, 0] + P[:, 1, 1] for P in self._bounds.posterior()])
 
     @cached_property
     def unaided_variance(self) -> Float[np.ndarray, "auvs samples"]:
         """`cramer_rao_variance` as it would be without a single range: that of dead reckoning."""
-        return np.stack([P[:, 0, 0] + P[:, 1, 1] for P in self._posterior(aided=False)])
+        return np.stack([P[:, 0, 0] + P[:, 1, 1] for P in self._bounds.posterior(aided=False)])
 
-    def _posterior(self, *, aided: bool = True) -> Iterator[Float[np.ndarray, "samples n n"]]:
-        """Posterior Cramér-Rao bound of each AUV, of compass and, if aided, ranges."""
-        for i, (P0, Q) in enumerate(zip(*self._covariances, strict=True)):
-            J = self._own_information(i)
-            if aided:
-                for b in range(len(self.ranges)):
-                    pings = np.flatnonzero(self.came[b, i])
-                    J[pings - 1] += self._information(b, i, pings)
-            yield posterior_cramer_rao(P0, self._transitions(i), Q, J)
-
-    def _information(
-        self, b: int, i: int, pings: Integer[np.ndarray, " pings"]
-    ) -> Float[np.ndarray, "pings n n"]:
-        """What an AUV's ranges to a beacon tell of its true state, and bearings with them."""
-        sensor, truth = self.scenario.range_sensor, self.truth[i, pings]
-        gain = GAINS.get(type(sensor))
-        if isinstance(sensor, Range) and not sensor.is_plain:
-            gain = None
-        beacon = self._beacon(b, i, pings)
-        if gain is None:
-            J = informations(sensor, truth, beacon)
-        else:
-            J = np.zeros((*truth.shape, truth.shape[-1]))
-            J[..., :2, :2] = gain(beacon[:, :2], truth[:, :2], sensor.sigma)
-        bearing = self.scenario.bearing_sensor
-        return J if bearing is None else J + informations(bearing, truth, beacon)
-
-    def _beacon(
-        self, b: int, i: int, samples: Integer[np.ndarray, " some"]
-    ) -> Float[np.ndarray, "some 10"]:
-        """A beacon as an AUV's sensor sees it at samples (`obsplan.sensors.BEACON`)."""
-        beacon, some = self.scenario.beacons[b], samples.size
-        found = np.zeros((some, len(BEACON)))
-        found[:, :2] = self.beacon_places[b, samples]
-        if beacon.carrier is not None:
-            aid = self.aids[beacon.carrier]
-            before = samples - 1  # what is held until the sample
-            heading, speed = aid.pose[samples, 2], aid.speed[before]
-            found[:, 2] = heading
-            found[:, 3], found[:, 4] = speed * np.cos(heading), speed * np.sin(heading)
-            found[:, 5] = aid.turn_rate[before]
-        found[:, 6] = beacon.depth
-        found[:, 7] = self.scenario.depths[samples, i]
-        found[:, 8:] = self.scenario.currents[samples, i]
-        return found
+    @property
+    def _bounds(self) -> Bounds:
+        return Bounds(
+            scenario=self.scenario,
+            time=self.time,
+            truth=self.truth,
+            came=self.came,
+            beacon_places=self.beacon_places,
+            aids=self.aids,
+        )
 
     @property
     def unbounded(self) -> str:
@@ -281,25 +239,28 @@ class Run:
             return "no bound over all paths was asked for"
         if not self.came.any():
             return "not one range was measured, and no path is better than another"
-        sensor = self.scenario.range_sensor
-        known = type(sensor) in GAINS and not (isinstance(sensor, Range) and not sensor.is_plain)
-        if known and len(self.ranges) == 1 and self.scenario.bearing_sensor is None:
-            return ""
-        if type(sensor) not in GAINS:
+        if self.scenario.bearing_sensor is not None:
             return (
-                "no bound over all paths is known for the ranging "
-                f"{type(sensor).__module__}:{type(sensor).__qualname__}; "
-                "there is one for ranges and squared ranges of a constant standard deviation"
+                "no bound over all paths is known for bearings: the nearer the aid vehicle is, the "
+                "more they tell"
             )
-        return "no bound over all paths is known for such ranging"
+        sensor = type(self.scenario.range_sensor)
+        if sensor in (Range, SquaredRange):
+            return ""
+        return (
+            "no bound over all paths is known for the ranging "
+            f"{sensor.__module__}:{sensor.__qualname__}; "
+            'there is one for the kinds "range" and "squared-range"'
+        )
 
     @cached_property
     def information_bounds(self) -> tuple[InformationBound, ...]:
         """Per AUV, a certified lower bound on the mean square position error of every path.
 
-        It is of unbiased estimators from the first covariance on, along the true AUV trajectory. A
-        squared range is worth more the farther: there it holds for every path the aid vehicle can
-        travel from its start.
+        It is of unbiased estimators from the first covariance on, along the true AUV trajectory,
+        by ranges that come when they came; those to moored beacons are as they are. Where what a
+        range tells depends on distance, it holds for every path that the aid vehicles can travel
+        from their starts.
 
         Raises
         ------
@@ -325,54 +286,9 @@ class Run:
             raise ObsplanError(self.unbounded)
         derived = vars(self)  # where a cached property keeps its value
         if "information_bounds" not in derived:
-            derived["information_bounds"] = self._certified(progress or (lambda _done, _all: None))
+            tell = progress or (lambda _done, _all: None)
+            derived["information_bounds"] = self._bounds.certified(tell)
         return derived["information_bounds"]
-
-    def _certified(self, progress: Progress) -> tuple[InformationBound, ...]:
-        auvs, bounds = len(self.names), []
-        for i, (P0, Q) in enumerate(zip(*self._covariances, strict=True)):
-            tell = partial(_tell, progress, i, auvs)
-            F, pings = self._transitions(i), np.flatnonzero(self.came[0, i])
-            J = self._own_information(i)
-            sigma = self._least_sigma(i, pings)
-            bounds.append(KEPT.bound(P0, F, Q, J, pings=pings - 1, sigma=sigma, progress=tell))
-        return tuple(bounds)
-
-    def _least_sigma(
-        self, i: int, pings: Integer[np.ndarray, " pings"]
-    ) -> Float[np.ndarray, " pings"]:
-        """Smallest standard deviation [m] of a range that any path reaches at each ping."""
-        sigma = self.scenario.range_sensor.sigma
-        if self.scenario.ranging_kind == "range":
-            return np.full(pings.size, sigma)
-        start = np.hypot(*np.moveaxis(self.truth[i, pings, :2] - self.cna[0, :2], -1, 0))
-        fastest = self.scenario.cna.speed
-        if aids_of(self.scenario.table)[0].carried:
-            fastest += float(self.scenario.water.strongest(0.0))
-        return sigma / (2 * (start + fastest * self.time[pings]))
-
-    @property
-    def _covariances(self) -> tuple[np.ndarray, np.ndarray]:
-        """First covariance and process noise over a step of each AUV, both (auvs x n x n)."""
-        scenario = self.scenario
-        rows = noise(scenario, scenario.truth_states, assumed=True)
-        process = [np.diag(row**2 * scenario.table.time_step) for row in rows]
-        return first_covariance(scenario, scenario.truth_states), np.stack(process)
-
-    def _transitions(self, i: int) -> Float[np.ndarray, "steps n n"]:
-        """Jacobians of an AUV's steps; not kept, as those of a long mission are large."""
-        dt, vehicle = self.scenario.table.time_step, self.scenario.vehicles[i]
-        return transitions(vehicle, self.truth[i, :-1], dt)
-
-    def _own_information(self, i: int) -> Float[np.ndarray, "steps n n"]:
-        """What an AUV's compass and log tell of its state on arrival at each sample."""
-        n, every = self.truth.shape[-1], self.scenario.log_every[i]
-        J = np.zeros((self.time.size - 1, n, n))
-        J[:, 2, 2] = self.scenario.heading_sensor.sigma**-2
-        due = np.arange(every, self.time.size, every) if every else np.empty(0, dtype=int)
-        for sensor in self.scenario.true_logs[i]:
-            J[due - 1] += informations(sensor, self.truth[i, due], self._beacon(0, i, due))
-        return J
 
     @property
     def status_counts(self) -> dict[str, int]:
@@ -439,8 +355,3 @@ class Run:
 
         with styled():
             return map_figure(self)
-
-
-def _tell(progress: Progress, done: int, auvs: int, share: float) -> None:
-    """Say that this share is done of one more AUV."""
-    progress(done + share, auvs)

@@ -7,8 +7,7 @@ import pytest
 from oracles import scenario
 
 import obsplan as op
-from obsplan import kept_bounds
-from obsplan import run as run_module
+from obsplan import bounds, kept_bounds
 from obsplan.kept_bounds import KeptBounds, size
 
 
@@ -23,7 +22,7 @@ def kept(monkeypatch):
 
     information_bound = kept_bounds.information_bound
     monkeypatch.setattr(kept_bounds, "information_bound", counted)
-    monkeypatch.setattr(run_module, "KEPT", KeptBounds())
+    monkeypatch.setattr(bounds, "KEPT", KeptBounds())
     return found
 
 

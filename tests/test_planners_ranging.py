@@ -53,17 +53,18 @@ def variance_of(ranging, r):
     return ranging.sigma**2 + (ranging.growth * r) ** 2
 
 
-def slots_after(time, offset, count):
+def slots_after(time, offset, count, silent=SILENT):
     """The next slots of an AUV, and whether they are heard."""
     slots = [k * INTERVAL + offset for k in range(1, 99) if k * INTERVAL + offset > time][:count]
-    return [(slot, not any(start <= slot <= stop for start, stop in SILENT)) for slot in slots]
+    return [(slot, not any(start <= slot <= stop for start, stop in silent)) for slot in slots]
 
 
 @pytest.mark.parametrize("auv", [0, 1])
 def test_time_to_the_next_range_is_to_the_first_slot_that_is_heard(auv):
-    schedule = Schedule(interval=INTERVAL, offsets=SLOTS, silent=SILENT[::-1])
+    silent = ((36.0, 43.5), (12.5, 27.0), (26.0, 29.0))
+    schedule = Schedule(interval=INTERVAL, offsets=SLOTS, silent=silent)
     for time in np.arange(0.05, 40.0, 0.7):
-        slots = slots_after(time, SLOTS[auv], 9)
+        slots = slots_after(time, SLOTS[auv], 9, silent)
         assert float(schedule.time_to_slot(time, auv)) == pytest.approx(slots[0][0] - time)
         heard = next(slot for slot, comes in slots if comes)
         assert float(schedule.time_to_range(time, auv)) == pytest.approx(heard - time)

@@ -8,6 +8,7 @@ from typing import Annotated
 import casadi as ca
 import numpy as np
 
+from formulations.model.worth import best_distance
 from formulations.solution import Status
 from obsplan.constraints import Disc
 from obsplan.planning.checks import check_situation
@@ -23,9 +24,9 @@ class Circle:
     """Follow a circle counter-clockwise.
 
     Away from the circle the vehicle steers to its tangent, with a look-ahead of the smallest
-    turning diameter. In a current that carries it, it crabs to stay on it. Over AUVs at depth the
-    circle about the survey may be too small for slant ranges to tell much of the position; it is as
-    it is, unless the radius is given (`formulations.model.worth.best_distance`).
+    turning diameter. Where slant ranges to AUVs at depth tell most from farther than the circle
+    about the survey, it is as wide as that, unless its radius is given. In a current that carries
+    it, it crabs to stay on it.
     """
 
     condition_label = ""
@@ -70,10 +71,19 @@ class Circle:
         survey, center, radius = self.situation.survey_circle, self.center, self.radius
         if survey is not None:
             center = (survey.x, survey.y) if center is None else center
-            radius = survey.radius if radius is None else radius
+            radius = self._wide(survey.radius) if radius is None else radius
         if center is None or radius is None:
             raise ValueError("give center and radius of the circle: no survey is known")
         return Disc(x=center[0], y=center[1], radius=radius)
+
+    def _wide(self, least: float) -> float:
+        """Radius [m] from which ranges over the AUVs' depth, as filed at first, tell most."""
+        situation = self.situation
+        if situation.filed is None or not situation.ranging.slant:
+            return least
+        height = np.average(situation.filed.depth[0], weights=situation.filed.weights)
+        best = float(best_distance(situation.ranging, height - situation.transducer_depth))
+        return max(least, best) if best < np.inf else least
 
     def initial_pose(self, pose: Pose) -> Pose:
         """Where the vehicle starts: on the circle nearest to the pose, unless told otherwise."""

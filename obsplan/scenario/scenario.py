@@ -402,6 +402,7 @@ class Scenario(Equipment):
             covariance=self.first_estimates(nothing, nothing)[1],
             process_noise=self.process_noise(assumed=True),
             weights=np.array([auv.weight for auv in self.table.auv], dtype=float),
+            depth=self.depths,
         )
 
     def _survey_circle(self, aid: int) -> Disc:

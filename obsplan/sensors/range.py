@@ -92,6 +92,16 @@ class Range:
         return float(np.hypot(self.sigma, speed * self.turn_around_sigma / 2))
 
     @property
+    def at_rest(self) -> "Range":
+        """The same as if nothing moved while the sound travels, at its true speed."""
+        return Range(
+            sigma=self._at_once,
+            growth=self.growth,
+            geometry=self.geometry,
+            depth_sigma=self.depth_sigma,
+        )
+
+    @property
     def is_plain(self) -> bool:
         """Whether it is horizontal, of one instant, and of constant standard deviation."""
         return self._is_distance and not self.growth

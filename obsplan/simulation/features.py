@@ -23,7 +23,7 @@ class Features(NamedTuple):
     def of(cls, scenario: Scenario) -> "Features":
         """Those of a scenario."""
         ranging, sensor = scenario.table.ranging, scenario.range_sensor
-        told = (sensor, scenario.filter_sensor)
+        told = (sensor, scenario.filter_sensor, scenario.planner_sensor)
         slant = [isinstance(s, Range) and s.geometry == "slant" for s in told]
         profiles = [isinstance(s, Range) and bool(s.profile) for s in told]
         far = ranging.half_distance is not None or ranging.reach is not None

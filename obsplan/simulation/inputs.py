@@ -55,7 +55,9 @@ def mission_inputs(scenario: Scenario, starts: Sequence[Pose], seed: int) -> tup
     false = false_ranges(scenario, random.faults, of_each) if features.false else nothing
     twice = repeated(scenario, random.faults, of_each) if features.repeated else nothing
     depth = depth_error = nothing
+    filed = survey
     if features.deep:
+        filed = np.concatenate([survey, scenario.depths[..., None]], axis=-1)
         depth = scenario.depths[1:, :, None]
         depth_error = random.depth.standard_normal((steps, auvs, 1)) * scenario.depth_sigma
     bearing_error = random.bearing.standard_normal(of_each) if features.bearing else nothing
@@ -70,7 +72,7 @@ def mission_inputs(scenario: Scenario, starts: Sequence[Pose], seed: int) -> tup
         decide=(np.arange(steps) % scenario.decide_every == 0)[:, None, None],
         given=np.zeros((steps, len(starts), 2)),
         ping=scenario.ranged(jitter).swapaxes(1, 2),
-        survey=survey[:-1],
+        survey=filed[:-1],
         steer=survey[1:, :, 2:],
         disturbance=disturbance(scenario, random.process.standard_normal((steps, *truth.shape))),
         heading_error=heading_error * scenario.heading_sensor.sigma + bias,

@@ -50,7 +50,7 @@ class Inputs(NamedTuple):
     decide: Any  # 1, whether a decision is due
     given: Any  # 2 x C: turn rate, speed, of planners that are no expression
     ping: Any  # B x M, whether an AUV ranges to a beacon at the step's end
-    survey: Any  # 4 x M, the reference at the step's beginning
+    survey: Any  # 4 x M, the reference at the step's beginning; and the depth where that counts
     steer: Any  # 2 x M, heading and speed of the reference at the step's end
     disturbance: Any  # n x M, process noise over the step
     heading_error: Any  # 1 x M, of the measurement at the step's end [rad]
@@ -96,7 +96,7 @@ def shape_of(name: str, scenario: Scenario) -> tuple[int, int]:
     n, m = len(scenario.truth_states), len(scenario.filter_states)
     half, beacons = m * (m + 1) // 2, len(scenario.beacons)
     has = Features.of(scenario)
-    rows = {"cna": 3, "command": 2, "given": 2, "survey": BASIC, "steer": 2}
+    rows = {"cna": 3, "command": 2, "given": 2, "survey": BASIC + has.deep, "steer": 2}
     rows |= {"truth": n, "disturbance": n, "mean": m, "reported": m}
     rows |= {"covariance": half, "reported_covariance": half}
     rows |= {"ping": beacons, "range_error": beacons, "range": beacons}
@@ -182,7 +182,7 @@ class StepBuilder:
         for c, expression in enumerate(expressions):
             pose = ca.vertcat(carry.cna[:, c], carry.command[0, c])
             decision = decision_function(expression, auvs, self.scenario.aids[c])
-            new = Command(*decision(inputs.time, pose, *self._targets(known, carry, c)))
+            new = Command(*decision(inputs.time, pose, *self._targets(known, carry, inputs, c)))
             command = due(ca.vertcat(new.turn_rate, new.speed), carry.command[:, c])
             commands.append(command)
             scores.append(due(new.score, np.nan))
@@ -190,7 +190,7 @@ class StepBuilder:
             conditions.append(due(ca.reshape(new.condition, 1, auvs), np.nan))
         return ca.horzcat(*commands), ca.horzcat(*scores), conditions[0], ca.horzcat(*statuses)
 
-    def _targets(self, known: ca.MX, carry: Carry, aid: int) -> Targets:
+    def _targets(self, known: ca.MX, carry: Carry, inputs: Inputs, aid: int) -> Targets:
         """What the planner of an aid vehicle is told.
 
         Means are by the scenario's knowledge, uncertainty always as the AUVs' filters last
@@ -202,7 +202,9 @@ class StepBuilder:
         weight = ca.DM([auv.weight for auv in auvs])
         second = len(self.scenario.filter_states)  # where the second column of the triangle begins
         position = carry.reported_covariance[[0, 1, second], :]
-        return Targets(known, current, position, weight)
+        deep = Features.of(self.scenario).deep
+        depth = inputs.survey[BASIC:, :] if deep else ca.DM.zeros(1, len(auvs))
+        return Targets(known, current, position, weight, depth)
 
     def _fleet(self, cna: ca.MX, command: ca.MX, carry: Carry, inputs: Inputs) -> list[ca.MX]:
         """Truth, mean, covariance, report, ranges and bearings of all AUVs at the step's end."""

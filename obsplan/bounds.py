@@ -1,0 +1,154 @@
+"""What ranges told of a mission's AUVs, and what no path of the aid vehicles could beat."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Integer
+
+from formulations.certified_bound import InformationBound
+from formulations.cramer_rao import (
+    posterior_cramer_rao,
+    range_information,
+    squared_range_information,
+)
+from formulations.model.worth import least_sigma
+from obsplan.estimators.jacobian import informations, transitions
+from obsplan.kept_bounds import KEPT
+from obsplan.scenario import Scenario
+from obsplan.scenario.beacons import law_told
+from obsplan.scenario.states import first_covariance, noise
+from obsplan.scenario.tables import aids_of
+from obsplan.sensors import BEACON, Range, SquaredRange
+
+Progress = Callable[[float, int], None]  # done, in all
+
+GAINS = {Range: range_information, SquaredRange: squared_range_information}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bounds:
+    """Lower bounds on the errors of a mission's AUVs, along their true paths."""
+
+    scenario: Scenario
+    time: Float[np.ndarray, " samples"]
+    truth: Float[np.ndarray, "auvs samples n"]
+    came: Bool[np.ndarray, "beacons auvs samples"]  # which ranges came
+    beacon_places: Float[np.ndarray, "beacons samples 2"]  # [m]
+    aids: Sequence[Any]  # tracks of the aid vehicles: pose, turn rate, speed
+
+    def posterior(self, *, aided: bool = True) -> Iterator[Float[np.ndarray, "samples n n"]]:
+        """Posterior Cramér-Rao bound of each AUV, of compass and, if aided, ranges."""
+        for i, (P0, Q) in enumerate(zip(*self._covariances, strict=True)):
+            J = self._own_information(i)
+            if aided:
+                for b in range(len(self.came)):
+                    pings = np.flatnonzero(self.came[b, i])
+                    J[pings - 1] += self._information(b, i, pings)
+            yield posterior_cramer_rao(P0, self._transitions(i), Q, J)
+
+    def _information(
+        self, b: int, i: int, pings: Integer[np.ndarray, " pings"]
+    ) -> Float[np.ndarray, "pings n n"]:
+        """What an AUV's ranges to a beacon tell of its true state, and bearings with them."""
+        sensor, truth = self.scenario.range_sensor, self.truth[i, pings]
+        gain = GAINS.get(type(sensor))
+        if isinstance(sensor, Range) and not sensor.is_plain:
+            sensor, gain = sensor.at_rest, None
+        beacon = self._beacon(b, i, pings)
+        if gain is None:
+            J = informations(sensor, truth, beacon)
+        else:
+            J = np.zeros((*truth.shape, truth.shape[-1]))
+            J[..., :2, :2] = gain(beacon[:, :2], truth[:, :2], sensor.sigma)
+        bearing = self.scenario.bearing_sensor
+        return J if bearing is None else J + informations(bearing, truth, beacon)
+
+    def _beacon(
+        self, b: int, i: int, samples: Integer[np.ndarray, " some"]
+    ) -> Float[np.ndarray, "some 10"]:
+        """A beacon as an AUV's sensor sees it at samples (`obsplan.sensors.BEACON`)."""
+        beacon, some = self.scenario.beacons[b], samples.size
+        found = np.zeros((some, len(BEACON)))
+        found[:, :2] = self.beacon_places[b, samples]
+        if beacon.carrier is not None:
+            aid = self.aids[beacon.carrier]
+            before = samples - 1  # what is held until the sample
+            heading, speed = aid.pose[samples, 2], aid.speed[before]
+            found[:, 2] = heading
+            found[:, 3], found[:, 4] = speed * np.cos(heading), speed * np.sin(heading)
+            found[:, 5] = aid.turn_rate[before]
+        found[:, 6] = beacon.depth
+        found[:, 7] = self.scenario.depths[samples, i]
+        found[:, 8:] = self.scenario.currents[samples, i]
+        return found
+
+    def certified(self, progress: Progress) -> tuple[InformationBound, ...]:
+        """What no path of the aid vehicles can beat, for each AUV; see `Run.information_bounds`."""
+        auvs, bounds = len(self.truth), []
+        for i, (P0, Q) in enumerate(zip(*self._covariances, strict=True)):
+            tell = partial(_tell, progress, i, auvs)
+            J, pings, sigmas = self._own_information(i), [], []
+            for b, beacon in enumerate(self.scenario.beacons):
+                at = np.flatnonzero(self.came[b, i])
+                if beacon.carrier is None:
+                    J[at - 1] += self._information(b, i, at)
+                    continue
+                pings.append(at)
+                sigmas.append(self._least_sigma(b, i, at))
+            given = {"pings": _joined(pings).astype(int) - 1, "sigma": _joined(sigmas)}
+            bounds.append(KEPT.bound(P0, self._transitions(i), Q, J, **given, progress=tell))
+        return tuple(bounds)
+
+    def _least_sigma(
+        self, b: int, i: int, pings: Integer[np.ndarray, " pings"]
+    ) -> Float[np.ndarray, " pings"]:
+        """Smallest standard deviation [m] of a range to a carried beacon, whatever the path."""
+        scenario, beacon = self.scenario, self.scenario.beacons[b]
+        law = law_told(scenario.range_sensor, scenario.table.ranging)
+        away = self.truth[i, pings, :2] - self.beacon_places[b, 0]
+        start = np.hypot(away[:, 0], away[:, 1])
+        # a beacon ahead of the vehicle's middle swings round with it
+        fastest = scenario.aids[beacon.carrier].speed
+        if aids_of(scenario.table)[beacon.carrier].carried:
+            fastest += float(scenario.water.strongest(0.0))
+        travelled = fastest * self.time[pings]
+        travelled = travelled + 2 * np.hypot(*beacon.place)
+        nearest = np.maximum(start - travelled, 0.0)
+        height = scenario.depths[pings, i] - beacon.depth
+        return least_sigma(law, nearest, start + travelled, height)
+
+    @property
+    def _covariances(self) -> tuple[np.ndarray, np.ndarray]:
+        """First covariance and process noise over a step of each AUV, both (auvs x n x n)."""
+        scenario = self.scenario
+        rows = noise(scenario, scenario.truth_states, assumed=True)
+        process = [np.diag(row**2 * scenario.table.time_step) for row in rows]
+        return first_covariance(scenario, scenario.truth_states), np.stack(process)
+
+    def _transitions(self, i: int) -> Float[np.ndarray, "steps n n"]:
+        """Jacobians of an AUV's steps; not kept, as those of a long mission are large."""
+        dt, vehicle = self.scenario.table.time_step, self.scenario.vehicles[i]
+        return transitions(vehicle, self.truth[i, :-1], dt)
+
+    def _own_information(self, i: int) -> Float[np.ndarray, "steps n n"]:
+        """What an AUV's compass and log tell of its state on arrival at each sample."""
+        n, every = self.truth.shape[-1], self.scenario.log_every[i]
+        J = np.zeros((self.time.size - 1, n, n))
+        J[:, 2, 2] = self.scenario.heading_sensor.sigma**-2
+        due = np.arange(every, self.time.size, every) if every else np.empty(0, dtype=int)
+        for sensor in self.scenario.true_logs[i]:
+            J[due - 1] += informations(sensor, self.truth[i, due], self._beacon(0, i, due))
+        return J
+
+
+def _joined(arrays: list[np.ndarray]) -> np.ndarray:
+    """Arrays one after the other, or none."""
+    return np.concatenate([np.empty(0), *arrays])
+
+
+def _tell(progress: Progress, done: int, auvs: int, share: float) -> None:
+    """Say that this share is done of one more AUV."""
+    progress(done + share, auvs)
