@@ -1,4 +1,5 @@
 import math
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -433,25 +434,49 @@ def test_a_follower_keeps_its_place_in_water_of_its_own():
     np.testing.assert_allclose(apart, np.broadcast_to((5.0, 3.0), apart.shape), atol=1e-9)
 
 
-def test_a_dvl_beside_ranges_tells_a_filter_its_current_and_the_bound_counts_it():
-    """A filter that is told a wrong current, and has a DVL, is better off than one without."""
-    found = {}
-    for kind in (None, "water-speed", "dvl"):
-        sensor = {} if kind is None else {"auv__0__speed_sensor": {"kind": kind, "sigma": 0.01}}
+@dataclass(frozen=True, kw_only=True)
+class CurrentEkf(Ekf):
+    """EKF that is not told the current, and estimates it."""
+
+    sigma: float = 0.3  # standard deviation of each component at first [m/s]
+
+    def states(self, model):
+        unknown = op.State("m s-1", sigma=self.sigma)
+        return {**STATES, "current_east": unknown, "current_north": unknown}
+
+    def step(self, x, u, process):
+        still = op.DeadReckoning().step(x[:4], u, process.dt)
+        return ca.vertcat(still[:2] + x[4:] * process.dt, still[2:], x[4:])
+
+
+def test_with_a_dvl_a_filter_finds_the_current_of_a_mission_and_with_a_log_it_does_not():
+    left = {}
+    for kind in ("water-speed", "dvl"):
+        sensor = {"kind": kind, "sigma": 0.01, "interval": 1.0}
         mission = scenario(
-            environment__current=[0.3, 0.0],
-            estimator={"kind": "ekf", "current": [0.3, 0.0]},
-            planner__kind="circle",
-            **sensor,
-        )
+            environment__current=[0.3, -0.2],
+            auv__0__speed_sensor=sensor,
+            auv__0__process_noise=QUIET,
+            ranging__heading_sigma_deg=0.1,
+        ).replace(estimator=CurrentEkf())
         run = op.simulate(mission, seed=4)
-        found[kind] = run
-    variance = {kind: run.cramer_rao[0, -1, 3, 3] for kind, run in found.items()}
-    assert variance["water-speed"] < 0.1 * variance[None]
-    assert variance["dvl"] == pytest.approx(variance["water-speed"], rel=0.05)
-    for kind, run in found.items():
-        # the filter knows how well it knows: the bound along the truth is its own, nearly
-        assert run.covariance[0, -1, 3, 3] == pytest.approx(variance[kind], rel=0.1)
+        sigma = np.sqrt(np.diagonal(run.covariance[0, -1])[4:])
+        error = run.mean[0, -1, 4:] - (0.3, -0.2)
+        assert (np.abs(error) < 4 * sigma).all()
+        left[kind] = sigma.max()
+    assert left["dvl"] < 0.02 < left["water-speed"]
+
+
+def test_the_bound_counts_what_a_log_measures():
+    bounds = {}
+    for sensor in (None, {"kind": "water-speed", "sigma": 0.01, "interval": 2.0}):
+        change = {} if sensor is None else {"auv__0__speed_sensor": sensor}
+        run = op.simulate(scenario(planner__kind="circle", auv__0__process_noise=QUIET, **change))
+        bounds[sensor is None] = run.cramer_rao[0, -1, 3, 3]
+        # an EKF near the truth: the bound is along the truth, the filter's along its estimate
+        assert run.covariance[0, -1, 3, 3] == pytest.approx(bounds[sensor is None], rel=0.1)
+    # ten measurements and what was known; without noise the speed is one number
+    assert bounds[False] == pytest.approx(1 / (1 / bounds[True] + 10 / 0.01**2), rel=0.05)
 
 
 @pytest.mark.parametrize(
