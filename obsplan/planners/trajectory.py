@@ -43,7 +43,8 @@ class Trajectory:
 
     The program is `formulations.trajectory`. The criterion ``covariance`` minimises the time mean
     of the trace of each AUV's predicted position covariance [m^2], as `InformationHorizon` does:
-    each AUV's ranges come in its slot, over its height, err and are lost as the ranging says.
+    each AUV's ranges come in its slot, over its height, err and are lost as the ranging says; a
+    depth that an AUV has to estimate counts as known.
     The other criteria score the position block of each AUV's Gramian of the squared range over
     the horizon. It grows with distance: limit the separation, unless the ranging's error grows as
     well or ranges are lost with distance, since they then count the less
