@@ -8,6 +8,7 @@ import pytest
 from oracles import arc
 from test_whole_mission import mission
 
+from formulations.beam_search import search_manoeuvres
 from formulations.model.ranging import Ranging
 from formulations.model.schedule import Schedule
 from formulations.solution import Status
@@ -196,6 +197,25 @@ def test_receding_horizon_counts_what_others_tell():
         aside.append(abs(math.atan2(x, -y)))
     alone, aided = aside
     assert aided < math.radians(30) < math.radians(50) < alone
+
+
+def test_search_of_the_receding_horizon_is_told_what_a_beacon_tells_within_each_stage(monkeypatch):
+    asked = []
+
+    def search(*given, stages, known, **rest):
+        asked.append((np.cumsum(stages.duration), known))
+        return search_manoeuvres(*given, stages=stages, known=known, **rest)
+
+    monkeypatch.setattr("formulations.whole_mission.starts.search_manoeuvres", search)
+    m = at_sea()
+    one = replace(m, vehicles=m.vehicles[:1])
+    receding_horizon(Turns(one, 4), 6, 7, 8)
+    told, begins = information(one), [0, *one.stages.end[:-1]]
+    for begin, (ends, known) in zip(begins, asked, strict=True):
+        edges = begin + np.append(0.0, ends) / one.time_step
+        for stage in range(len(ends)):
+            within = [k for k in (20, 25, 36, 41, 52, 57) if edges[stage] < k <= edges[stage + 1]]
+            np.testing.assert_allclose(known[stage], told[within].sum(axis=0), rtol=1e-9)
 
 
 def moored(depth, ranging, about):

@@ -50,7 +50,8 @@ class WholeMission:
     A multi-start of ``starts`` descents along exact gradients finds it
     (`formulations.whole_mission`). They start from the receding horizon's route, from orbits,
     from constant and random turns, and from perturbations of the best plan. The best local optimum
-    is taken.
+    is taken. How ranges err with distance and height, whether they arrive, slots and silences are
+    counted.
 
     Limits hold for the surveys as filed, separations with a margin for AUVs that stray from them
     (`Limits`). If no descent keeps them, the least violating is taken and the status says so.
