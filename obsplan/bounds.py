@@ -97,25 +97,28 @@ class Bounds:
                     J[at - 1] += self._information(b, i, at)
                     continue
                 pings.append(at)
-                sigmas.append(self._least_sigma(b, i, at))
-            given = {"pings": _joined(pings).astype(int) - 1, "sigma": _joined(sigmas)}
-            bounds.append(KEPT.bound(P0, self._transitions(i), Q, J, **given, progress=tell))
+                sigmas.append(self._least_sigma(b, i, at, self._fastest(beacon.carrier)))
+            steps, sigma = _joined(pings).astype(int) - 1, _joined(sigmas)
+            F = self._transitions(i)
+            bounds.append(KEPT.bound(P0, F, Q, J, pings=steps, sigma=sigma, progress=tell))
         return tuple(bounds)
 
+    def _fastest(self, aid: int) -> float:
+        """Greatest speed of an aid vehicle over ground [m/s]."""
+        scenario = self.scenario
+        carried = aids_of(scenario.table)[aid].carried
+        return scenario.aids[aid].speed + carried * float(scenario.water.strongest(0.0))
+
     def _least_sigma(
-        self, b: int, i: int, pings: Integer[np.ndarray, " pings"]
+        self, b: int, i: int, pings: Integer[np.ndarray, " pings"], speed: float
     ) -> Float[np.ndarray, " pings"]:
-        """Smallest standard deviation [m] of a range to a carried beacon, whatever the path."""
+        """Smallest standard deviation [m] of a range to a beacon carried at up to a speed."""
         scenario, beacon = self.scenario, self.scenario.beacons[b]
         law = law_told(scenario.range_sensor, scenario.table.ranging)
         away = self.truth[i, pings, :2] - self.beacon_places[b, 0]
         start = np.hypot(away[:, 0], away[:, 1])
         # a beacon ahead of the vehicle's middle swings round with it
-        fastest = scenario.aids[beacon.carrier].speed
-        if aids_of(scenario.table)[beacon.carrier].carried:
-            fastest += float(scenario.water.strongest(0.0))
-        travelled = fastest * self.time[pings]
-        travelled = travelled + 2 * np.hypot(*beacon.place)
+        travelled = speed * self.time[pings] + 2 * np.hypot(*beacon.place)
         nearest = np.maximum(start - travelled, 0.0)
         height = scenario.depths[pings, i] - beacon.depth
         return least_sigma(law, nearest, start + travelled, height)

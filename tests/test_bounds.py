@@ -61,7 +61,7 @@ def test_bearings_have_no_bound_over_all_paths_and_it_is_said_why():
         _ = run.information_bounds
 
 
-@pytest.mark.parametrize("kind", ["centroid-orbit", "gramian"])
+@pytest.mark.parametrize("kind", ["centroid-orbit", "error-ellipse"])
 def test_planner_inside_the_step_is_told_depths_that_change_as_one_outside_is(kind, monkeypatch):
     planner = {"kind": kind, "interval": 1.0, "knowledge": "truth"}
     depths = {"auv__0__depth": [10.0, 60.0, 20.0], "auv__1__depth": 35.0}
