@@ -436,8 +436,10 @@ def test_each_lane_has_the_bits_of_the_function_itself():
     x, y, shared = ca.SX.sym("x"), ca.SX.sym("y"), ca.SX.sym("s")
     both = [ca.fmax(x, y), ca.fmin(x, shared), ca.power(x, y), ca.atan2(x, y), x / y - shared]
     alone = [ca.sqrt(x), ca.exp(x), ca.log(y), ca.sin(x), ca.fabs(y), x**2, 2 * x, 1 / y, x**5]
-    choices = [x < y, y <= x, x <= shared, ca.if_else(x < y, 1 / x, y), ca.logic_not(x)]
-    results = ca.vertcat(*both, *alone, *choices, ca.cos(shared) * 3.0)
+    choices = [x < y, y <= x, x < 7.0, x <= 7.0, ca.if_else(x < y, 1 / x, y), ca.logic_not(x)]
+    results = ca.vertcat(
+        *both, *alone, *choices, ca.power(x, ca.fmax(shared, 1.0)), ca.cos(shared) * 3.0
+    )
     function = ca.Function("f", [x, y, shared], [results])
     wrapped = "void g(const lanes* x, const lanes* y, const double* s, lanes* r) { f(x, y, s, r); }"
     path = compiled_library(vectors() + in_lanes(function, shared=[2]) + wrapped, asked_for=False)

@@ -259,6 +259,17 @@ factors = arrays(float, (4, 2), elements=st.floats(-1.0, 1.0))
 
 
 @pytest.mark.slow
+def test_covariance_may_have_a_depth_which_is_checked_with_the_rest():
+    half = np.random.default_rng(0).normal(size=(5, 5))
+    given = half @ half.T
+    belief = op.Belief(mean=np.zeros(4), covariance=given, depth=30.0)
+    np.testing.assert_array_equal(belief.covariance, given)
+    np.testing.assert_array_equal(belief.horizontal_covariance, given[:4, :4])
+    given[4, 4] = -1.0
+    with pytest.raises(ValueError, match="positive semidefinite"):
+        op.Belief(mean=np.zeros(4), covariance=given)
+
+
 @settings(max_examples=200, deadline=None)
 @given(factors, units)
 def test_covariance_of_any_rank_and_unit_is_accepted_and_copied(factor, unit):
@@ -291,9 +302,9 @@ def test_lopsided_covariance_is_refused_however_small_its_unit():
 
 
 @pytest.mark.usefixtures("as_shipped")
-@pytest.mark.parametrize("shape", [(), (2, 2), (4,), (4, 5)])
+@pytest.mark.parametrize("shape", [(), (2, 2), (4,), (4, 5), (6, 6)])
 def test_covariance_of_another_shape_is_refused(shape):
-    with pytest.raises(ValueError, match="covariance of an AUV must be 4 x 4"):
+    with pytest.raises(ValueError, match=r"covariance of an AUV must be 4 x 4, .* or 5 x 5"):
         op.Belief.at(0.0, 0.0, covariance=np.ones(shape))
 
 

@@ -147,6 +147,21 @@ def same(a, b):
 
 
 @every_planner
+def test_depth_that_an_auv_estimates_changes_no_decision_by_horizontal_ranges(name, options):
+    rng = np.random.default_rng(15)
+    pose, legs = world(rng)
+    flat, deep = beliefs(legs), []
+    for auv in flat:
+        P = np.diag([0.0, 0.0, 0.0, 0.0, 9.0])
+        P[:4, :4] = auv.covariance
+        deep.append(replace(auv, covariance=P))
+    planner = built(name, options, legs)
+    expected, found = planner.plan(pose, flat), planner.plan(pose, deep)
+    assert (found.turn_rate, found.speed) == (expected.turn_rate, expected.speed)
+    assert found.status == expected.status
+
+
+@every_planner
 def test_decision_is_finite_within_the_limits_and_starts_where_the_vehicle_is(name, options):
     rng = np.random.default_rng(1)
     limit = 2.0 / 5.0  # of the scenario's vehicle

@@ -80,8 +80,13 @@ INLINE lanes lanes_is_at_most(lanes x, lanes y) {
   return (lanes)((choice)(x <= y) & (choice)all(1.0));
 }
 INLINE lanes lanes_where(lanes x, lanes y) { return (lanes)((choice)(x != 0) & (choice)y); }
+/* stages mostly have one range, and the power 1 the same bits */
+INLINE lanes lanes_pow(lanes x, lanes y) {
+  if (y[0] == 1 && y[1] == 1 && y[2] == 1 && y[3] == 1) return x;
+  return (lanes){pow(x[0], y[0]), pow(x[1], y[1]), pow(x[2], y[2]), pow(x[3], y[3])};
+}
 """
-OF_VECTORS = {"fmax", "is_zero", "is_less", "is_at_most", "where"}  # written above
+OF_VECTORS = {"fmax", "is_zero", "is_less", "is_at_most", "where", "pow"}  # written above
 
 
 def vectors() -> str:

@@ -29,9 +29,12 @@ class InformationHorizon:
 
     Each AUV's own covariance is predicted along its route, with its process noise. Ranges come at
     the pings, and their second-order error is counted (`formulations.model.covariance`). Where a
-    belief's covariance has a depth, that is part of the position. The tree
-    has ``stages`` levels of ``turn_rates`` branches; a beam of ``beam_width`` is kept. Where pings
-    are rare, a stage lasts from ping to ping and the horizon is that much longer.
+    belief's covariance has a depth, that is part of the position. The tree has ``stages`` levels of
+    ``turn_rates`` branches; a beam of ``beam_width`` is kept. Where pings are rare, a stage lasts
+    from ping to ping and the horizon is that much longer.
+
+    Where pings are frequent, a stage should not leave time for a whole circle: a plan that begins
+    with one goes nowhere for as long as decisions come more often than stages end.
 
     A turn that breaks a limit, or leaves no circle free to turn on, is discarded. If all do, the
     least violating is taken and the status says so. ``score`` is the mean of the criterion over
