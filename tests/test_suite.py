@@ -1,6 +1,7 @@
 """The suite of scenarios, and what is said of planners on it."""
 
 import io
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,7 +17,8 @@ from obsplan.report.suite import (
     suite_table,
     write_suite,
 )
-from obsplan.scenario import load, shipped, suite
+from obsplan.scenario import SUITES, all_shipped, load, shipped, suite
+from obsplan.scenario.files import find
 from obsplan.types import ObsplanError
 
 
@@ -72,6 +74,36 @@ def test_suite_covers_what_users_meet():
     assert any(s.constraints.keep_out for s in scenarios)
     assert any(s.constraints.geofence for s in scenarios)
     assert not set(suite()) & set(shipped())
+
+
+def test_field_covers_what_the_sea_does():
+    tables = {name.removeprefix("field/"): load(name).table for name in suite("field")}
+    assert len(tables) >= 12
+    rangings = [table.ranging for table in tables.values()]
+    assert {r.timing for r in rangings} == {"instant", "one-way", "two-way"}
+    assert {r.access for r in rangings} == {"polling", "broadcast"}
+    assert {r.geometry for r in rangings} == {"slant"}
+    for what in ("growth", "loss", "outliers", "duplicates", "slot", "silent", "profile"):
+        assert any(getattr(r, what) for r in rangings), what
+    assert max(r.interval for r in rangings) == 60.0
+    deepest = max(np.max(auv.depth) for table in tables.values() for auv in table.auv)
+    assert deepest == 1500.0
+    assert tables["one-way-broadcast"].planner.knowledge == "survey"
+
+
+def test_no_two_scenarios_of_the_suites_have_one_name():
+    names = [load(name).table.name for folder in SUITES for name in suite(folder)]
+    assert len(set(names)) == len(names)
+    assert set(all_shipped()) == {*shipped(), *suite("suite"), *suite("field")}
+
+
+@pytest.mark.parametrize("name", suite("field"))
+def test_each_number_of_a_field_scenario_has_its_source_beside_it(name):
+    text = find(name).read_text(encoding="utf-8")
+    measured = re.compile(r"^(\w+) = .*?\d", re.MULTILINE)
+    keys = set(measured.findall(text)) - {"seed", "time_step", "origin", "survey", "name"}
+    explained = set(re.findall(r"^(\w+) = .*# .*\w{3}", text, re.MULTILINE))
+    assert keys - {"description"} <= explained
 
 
 def test_the_lowest_median_wins_and_what_is_not_distinguishable_ties(two):
