@@ -138,6 +138,7 @@ SLOT = Quantity(0.0, 3600.0, "s", "no acoustic network waits for an hour")
 # weights without a unit
 WEIGHT = Quantity(0.0, 1e6, "", "a weight of a million leaves the others no say")
 
+LINK_WEIGHT = Quantity(0.0, 1e9, "m^2 or -", "more than the square of what a survey spans")
 CHANGE_WEIGHT = Quantity(0.0, 1e9, "", "what is penalised more does not change")
 CIRCLES = Quantity(0.01, 1000.0, "", "a share of one to what takes an hour")
 
