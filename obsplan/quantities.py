@@ -134,6 +134,7 @@ CLOCK_DRIFT = Quantity(-1e-3, 1e-3, "s/s", "a quartz without any care does bette
 SHARE = Quantity(0.0, 1.0, "", "a probability")
 CARRIER = Quantity(0, 63, "", "aid vehicles are counted from 0")
 SLOT = Quantity(0.0, 3600.0, "s", "no acoustic network waits for an hour")
+THROUGHPUT = Quantity(1e-3, 1e9, "bit/s", "no modem for water sends faster")
 
 # weights without a unit
 WEIGHT = Quantity(0.0, 1e6, "", "a weight of a million leaves the others no say")

@@ -14,6 +14,7 @@ from obsplan.plugins import class_of, is_own
 from obsplan.scenario.beacons import Beacon, beacons_of
 from obsplan.scenario.choice import options
 from obsplan.scenario.environment import water_of
+from obsplan.scenario.communication import CommunicationTable
 from obsplan.scenario.messages import as_error
 from obsplan.scenario.tables import RANGING, RangingTable, ScenarioTable, aids_of
 from obsplan.scenario.trial import try_estimator, try_sensor, try_vehicle
@@ -181,6 +182,24 @@ class Equipment:
             )
         except ValidationError as error:
             raise as_error(self.source, error, told=key) from None
+
+    @property
+    def ranges_may_be_lost(self) -> bool:
+        """Whether ranges that are due may not come."""
+        ranging = self.table.ranging
+        far = ranging.half_distance is not None or ranging.reach is not None
+        return far or ranging.loss > 0
+
+    @property
+    def depths_count(self) -> bool:
+        """Whether the range measured, or what the filter takes it for, depends on depths."""
+        sensors = [s for s in (self.range_sensor, self.filter_sensor) if isinstance(s, Range)]
+        return any(s.geometry == "slant" or s.profile for s in sensors)
+
+    @property
+    def communication(self) -> CommunicationTable:
+        """What aid vehicles hear."""
+        return self.table.communication or CommunicationTable()
 
     @cached_property
     def beacons(self) -> tuple[Beacon, ...]:
