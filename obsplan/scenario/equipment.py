@@ -13,8 +13,8 @@ from obsplan.estimators import ESTIMATORS, Estimator
 from obsplan.plugins import class_of, is_own
 from obsplan.scenario.beacons import Beacon, beacons_of
 from obsplan.scenario.choice import options
-from obsplan.scenario.environment import water_of
 from obsplan.scenario.communication import CommunicationTable
+from obsplan.scenario.environment import water_of
 from obsplan.scenario.messages import as_error
 from obsplan.scenario.tables import RANGING, RangingTable, ScenarioTable, aids_of
 from obsplan.scenario.trial import try_estimator, try_sensor, try_vehicle
@@ -200,6 +200,11 @@ class Equipment:
     def communication(self) -> CommunicationTable:
         """What aid vehicles hear."""
         return self.table.communication or CommunicationTable()
+
+    @property
+    def hearing_matters(self) -> bool:
+        """Whether reports are anything but one with each range, on time."""
+        return self.table.communication is not None or self.ranges_may_be_lost
 
     @cached_property
     def beacons(self) -> tuple[Beacon, ...]:

@@ -37,8 +37,8 @@ from obsplan.quantities import (
 )
 from obsplan.scenario.base import Table
 from obsplan.scenario.choice import Choice
-from obsplan.scenario.environment import SPEED_SENSOR, Environment, Velocity
 from obsplan.scenario.communication import CommunicationTable
+from obsplan.scenario.environment import SPEED_SENSOR, Environment, Velocity
 from obsplan.scenario.export import ExportTable
 from obsplan.scenario.places import Corners, Degrees, Place
 from obsplan.sensors import SENSORS

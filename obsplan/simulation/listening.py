@@ -78,7 +78,7 @@ class Listening(NamedTuple):
         That is what an aid vehicle can know which hears nothing: how sure the AUV is. A range that
         may be lost counts by its probability.
         """
-        scenario, filtering = self.scenario, self.scenario.estimator
+        filtering = self.scenario.estimator
         start = ca.vertcat(own.survey, own.reported[BASIC:])
         P = unpack(own.reported_covariance, start.numel())
         turns = own.steer - start[2:BASIC]

@@ -71,12 +71,8 @@ class Surveyor(NamedTuple):
         if self.kind.logs:
             x, P = self._logged(after, x, P, own)
         x, P, heard, measured = self._ranged(after, x, P, own)
-        known = self._listening().step(own, x, P, heard)
+        known = Listening(scenario, self.kind, self.fleet.beacons).step(own, x, P, heard)
         return measured | known | {"truth": after, "mean": x, "covariance": P, "report": heard}
-
-    def _listening(self) -> Listening:
-        """What aid vehicles know of the AUV."""
-        return Listening(self.scenario, self.kind, self.fleet.beacons)
 
     def _logged(self, truth: SX, x: SX, P: SX, own: Own) -> tuple[SX, SX]:
         """Filter after its speed was measured, where it was."""
