@@ -90,7 +90,7 @@ class Listening(NamedTuple):
         return {"reported": x, "reported_covariance": pack(P), "in_flight": ca.SX(0, 1)}
 
     def _expected(self, x: SX, own: Own) -> list[tuple[Sensor, SX, SX]]:
-        """Sensors, beacons and the probability that they measure: compass, log, then ranges."""
+        """Sensors, beacons and the probability that they measure: compass, log, ranges and bearings."""
         scenario, has = self.scenario, Features.of(self.scenario)
         law = law_of(law_told(scenario.planner_sensor, scenario.planner_ranging))
         depth = own.depth if has.deep else ca.SX(0.0)
@@ -101,4 +101,6 @@ class Listening(NamedTuple):
         for b, beacon in enumerate(seen):
             share = own.ping[b] * comes(apart2(x, beacon, deep=has.deep))
             found.append((scenario.planner_sensor, beacon, share))
+            if scenario.bearing_sensor is not None:
+                found.append((scenario.bearing_sensor, beacon, share))
         return found
