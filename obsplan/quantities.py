@@ -134,10 +134,12 @@ CLOCK_DRIFT = Quantity(-1e-3, 1e-3, "s/s", "a quartz without any care does bette
 SHARE = Quantity(0.0, 1.0, "", "a probability")
 CARRIER = Quantity(0, 63, "", "aid vehicles are counted from 0")
 SLOT = Quantity(0.0, 3600.0, "s", "no acoustic network waits for an hour")
+THROUGHPUT = Quantity(1e-3, 1e9, "bit/s", "no modem for water sends faster")
 
 # weights without a unit
 WEIGHT = Quantity(0.0, 1e6, "", "a weight of a million leaves the others no say")
 
+LINK_WEIGHT = Quantity(0.0, 1e9, "m^2 or -", "more than the square of what a survey spans")
 CHANGE_WEIGHT = Quantity(0.0, 1e9, "", "what is penalised more does not change")
 CIRCLES = Quantity(0.01, 1000.0, "", "a share of one to what takes an hour")
 

@@ -15,6 +15,7 @@ from obsplan.bounds import Bounds
 from obsplan.constraints import LimitHistory
 from obsplan.estimators import Process
 from obsplan.estimators.jacobian import predictions
+from obsplan.heard import Heard
 from obsplan.scenario import Scenario
 from obsplan.scenario.states import noise
 from obsplan.sensors import Range, SquaredRange
@@ -68,6 +69,8 @@ class Run:
     # as measured [m or m^2]; nan where none came
     ranges: Float[np.ndarray, "beacons auvs samples"]
     bearings: Float[np.ndarray, "beacons_or_none auvs samples"]  # that came with them [rad]
+    # made then, and heard by an aid vehicle, be it later
+    reports: Bool[np.ndarray, "auvs samples"]
     condition: Float[np.ndarray, "auvs samples"]  # predicted condition number at each decision
     score: Float[np.ndarray, " samples"]  # the planner's own objective
     status: Float[np.ndarray, " samples"]  # code of a Status; nan without a decision
@@ -125,6 +128,11 @@ class Run:
             x, y = east + ahead * cos - left * sin, north + ahead * sin + left * cos
             found.append(np.column_stack([x, y]))
         return np.stack(found)
+
+    @cached_property
+    def heard(self) -> Heard:
+        """Reach, age of the newest report, and throughput."""
+        return Heard.of(self.scenario, self.truth, self.beacon_places, self.reports)
 
     @cached_property
     def error(self) -> Float[np.ndarray, "auvs samples"]:
@@ -339,6 +347,7 @@ class Run:
             **({"bound_rms_m": bound, "efficiency": efficiency} if bounds else {}),
             "separation_mean_m": separation.mean(),
             "separation_max_m": separation.max(),
+            **(self.heard.figures(auvs) if self.scenario.hearing_matters else {}),
             **(
                 {"violation_max_m": self.violation[auvs].max()} if self.scenario.constraints else {}
             ),

@@ -5,7 +5,7 @@ prediction, and what ranges at the end of each turn would tell (`formulations.mo
 With a compiler the whole search is one call of machine code (`.compiled`).
 """
 
-from .search import search_manoeuvres, turn_candidates
+from .search import Link, search_manoeuvres, turn_candidates
 from .selection import Violation
 
-__all__ = ["Violation", "search_manoeuvres", "turn_candidates"]
+__all__ = ["Link", "Violation", "search_manoeuvres", "turn_candidates"]

@@ -9,7 +9,7 @@ import numpy as np
 from ..model.arcs import compose
 from ..model.casadi import SX, Cases, matrix, symbol
 from ..model.covariance import DEPTH, condition_on_range, informed, pack, predict, unpack
-from ..model.ranging import Form, law
+from ..model.ranging import EDGE, Form, Law, law, throughput
 
 CRITERIA = ("trace", "log-det")
 TINY = 1e-30  # [m^4]; a position known exactly has no logarithm
@@ -22,8 +22,10 @@ AUV = (
     *("cos", "sin", "speed"),
     *("east_noise", "north_noise", "heading_noise", "speed_noise", "depth_noise", "weight"),
 )
-# Of the horizon, the share; then the numbers of the ranging's law.
-STAGE = ("duration", "share", "sigma", "growth", "loss", "per_half_distance", "per_reach")
+LAW = ("sigma", "growth", "loss", "per_half_distance", "per_reach")  # its numbers
+# Of the horizon, the share; the numbers of the ranging's law; what lost throughput costs, and its
+# own half distance.
+STAGE = ("duration", "share", *LAW, "link_weight", "per_link_half_distance")
 UNROLLED = 500  # AUVs times turns, up to which the virtual machine runs a branching on scalars
 
 
@@ -36,6 +38,7 @@ class Kind(NamedTuple):
     criterion: str
     states: int = 4  # of an AUV; with a fifth the depth is one
     aided: bool = False  # whether more is known at ranges than they tell
+    linked: bool = False  # whether lost throughput costs
 
     @property
     def half(self) -> int:
@@ -85,29 +88,41 @@ def of_one(kind: Kind) -> ca.Function:
     """
     P, auv, stage = symbol("P", kind.half), symbol("auv", len(AUV)), symbol("stage", len(STAGE))
     pose, poses = symbol("pose", 3), symbol("poses", 3, kind.turns)
-    duration, _, numbers = ca.vertsplit(stage, [0, 1, 2, len(STAGE)])
+    duration, _, numbers, link = ca.vertsplit(stage, [0, 1, 2, 2 + len(LAW), len(STAGE)])
+    ranging = law(kind.form, numbers)
     at = len(AT_RANGES)
     before, there, motion, noise, _ = ca.vertsplit(
         auv, [0, at, 2 * at, 2 * at + 3, -1 + len(AUV), len(AUV)]
     )
-    begun = _at_ranges(unpack(P, kind.states), pose, before, numbers, kind)
+    begun = _at_ranges(unpack(P, kind.states), pose, before, ranging, kind)
     predicted = predict(begun, motion, noise[: kind.states], duration)
     place = [0, 1, *range(DEPTH, kind.states)]
     known = []
     for k in range(kind.turns):
-        after = _at_ranges(predicted[place, place], poses[:, k], there, numbers, kind)
-        known.append(_criterion(after, kind.criterion))
+        after = _at_ranges(predicted[place, place], poses[:, k], there, ranging, kind)
+        cost = _criterion(after, kind.criterion)
+        if kind.linked:
+            cost += _lost_throughput(poses[:, k], there, ranging, link)
+        known.append(cost)
     outputs = [ca.vertcat(*known), pack(predicted)]
     return ca.Function("of_one", [P, auv, pose, poses, stage], outputs, {"cse": True})
 
 
-def _at_ranges(P: SX, pose: SX, there: SX, numbers: SX, kind: Kind) -> SX:
+def _at_ranges(P: SX, pose: SX, there: SX, ranging: Law, kind: Kind) -> SX:
     """What is known once the ranges from a pose have come, and what else is known then."""
     position, height, pings, root = ca.vertsplit(there, [0, 2, 3, 4, len(AT_RANGES)])
     x = pose[:2] - position
-    ranging = law(kind.form, numbers)
     known = condition_on_range(P, x, law=ranging, pings=pings, height=height)
     return informed(known, root) if kind.aided else known
+
+
+def _lost_throughput(pose: SX, there: SX, ranging: Law, link: SX) -> SX:
+    """What the share of throughput costs that is lost between a pose and an AUV."""
+    weight, per_half_distance = ca.vertsplit(link)
+    r2 = ca.sumsqr(pose[:2] - there[:2])
+    if ranging.form.slant:
+        r2 += there[AT_RANGES.index("height")] ** 2
+    return weight * (1 - throughput(r2, per_half_distance, ranging.per_reach, edge=EDGE))
 
 
 @lru_cache(maxsize=16)

@@ -1,6 +1,7 @@
 """The search: what is told of each stage, and the sequence it ends with."""
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -10,11 +11,21 @@ from ..model.covariance import Tracks, motions, pack_array
 from ..model.ranging import Ranging
 from ..model.schedule import Stages
 from ..solution import Solution, Status
-from .branching import AT_RANGES, AUV, CRITERIA, Kind, branching, told_sizes
+from .branching import AT_RANGES, AUV, CRITERIA, LAW, Kind, branching, told_sizes
 from .compiled import Compiled, machine_code
 from .interpreted import Interpreted
 from .limits import Limits
 from .selection import Feasibility, Violation
+
+
+class Link(NamedTuple):
+    """What it costs that throughput falls with distance; see `formulations.model.ranging`."""
+
+    weight: float = 0.0  # of the share that is lost, in the criterion's unit
+    half_distance: float = np.inf  # at which half is left [m]
+
+
+FREE = Link()
 
 
 def turn_candidates(max_turn_rate: float, count: int) -> Float[np.ndarray, " K"]:
@@ -43,6 +54,7 @@ def search_manoeuvres(
     first_violation: Float[np.ndarray, " K"] | None = None,
     limits: Limits | None = None,
     known: Float[np.ndarray, "S M 2 2"] | None = None,
+    link: Link = FREE,
 ) -> Solution:
     """Find the turns, one a stage, after which the AUVs' position covariances are smallest.
 
@@ -75,14 +87,17 @@ def search_manoeuvres(
     known
         Information [1/m^2] on each AUV's position at the end of each stage that does not come from
         this vehicle: ranges to others.
+    link
+        What throughput costs that is lost by distance, at the end of each stage, to be added to the
+        criterion of each AUV. Nothing is left beyond the ranging's reach.
 
     Returns
     -------
     The best sequence of the last beam; of equals the one that comes first, turning left. ``x``:
     turn rates [rad/s]. ``poses``: at the beginning and the ends of the stages. ``objective``: the
-    criterion. Primal residual: how far it breaks a limit at the points looked at [m]. The status is
-    the first turn's, which is the one that is taken: ``VIOLATED`` where each breaks a limit, and
-    ``INVALID_INPUT`` where the criterion is no number.
+    criterion, and what lost throughput costs. Primal residual: how far it breaks a limit at the
+    points looked at [m]. The status is the first turn's, which is the one that is taken:
+    ``VIOLATED`` where each breaks a limit, and ``INVALID_INPUT`` where the criterion is no number.
 
     Raises
     ------
@@ -98,9 +113,10 @@ def search_manoeuvres(
             f"got {covariance.shape} and {tracks.position.shape}"
         )
     width = min(beam_width, K**S)
-    kind = Kind(M, K, ranging.form, criterion, n, aided=known is not None)
+    aided, linked = known is not None, link.weight > 0
+    kind = Kind(M, K, ranging.form, criterion, n, aided=aided, linked=linked)
     sequences = beam_of(kind, S, width)
-    told = _told(tracks, process_noise, weights, stages, turn_rates, speed, ranging, known)
+    told = _told(tracks, process_noise, weights, stages, turn_rates, speed, ranging, known, link)
     sequences.begin(pose, pack_array(covariance))
     first = worst = 0.0
     if violation is None and first_violation is None:
@@ -158,6 +174,7 @@ def _told(
     speed: float,
     ranging: Ranging,
     known: Float[np.ndarray, "S M 2 2"] | None = None,
+    link: Link = FREE,
 ) -> Float[np.ndarray, "S told"]:
     """What a branching is told at each stage; see `branching`."""
     S, M = tracks.heading.shape
@@ -179,7 +196,8 @@ def _told(
     auv[..., -1] = weights / weights.sum()
     stage[:, 0] = stages.duration
     stage[:, 1] = stages.duration / stages.duration.sum()
-    stage[:, 2:] = ranging.numbers
+    stage[:, 2 : 2 + len(LAW)] = ranging.numbers
+    stage[:, 2 + len(LAW) :] = link.weight, 1 / link.half_distance
     rates = tuple(turn_rates.tolist())
     for s, duration in enumerate(stages.duration.tolist()):
         moves[s] = _moves_of(rates, duration, speed)

@@ -117,6 +117,16 @@ def arrival(law: Law, r2: Any, *, edge: float = 0.0) -> Any:
     return (1 - law.loss) * (near + far)
 
 
+def throughput(r2: Any, per_half_distance: Any, per_reach: Any = 0.0, *, edge: float = 0.0) -> Any:
+    """Share of the throughput at no distance that is left: 2^-(r / h)² within reach, as ranges.
+
+    Distances squared are r2 [m^2]; the other two are reciprocals [1/m] of the distance h at which
+    half is left, and of the reach. ``edge`` as in `arrival`.
+    """
+    link = Law(Form(lossy=True), 0.0, per_half_distance=per_half_distance, per_reach=per_reach)
+    return arrival(link, r2, edge=edge)
+
+
 def expected_ranges(law: Law, r2: Any, pings: Any) -> tuple[Any, Any]:
     """Probability that any of a number of ranges comes, and how many come then on average.
 

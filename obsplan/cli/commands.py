@@ -42,6 +42,7 @@ def run(
     from obsplan.report import (
         export_sentences,
         free_folder,
+        hearing_notes,
         limit_notes,
         make_export,
         planner_notes,
@@ -67,7 +68,8 @@ def run(
     folder = write_free(out, name, lambda folder: write_run(flown, folder, export))
     with keeping(folder, WRITTEN):
         show(run_table(flown))
-        notes = (*verdicts(flown), *limit_notes(flown), *planner_notes(flown))
+        heard = hearing_notes(flown)
+        notes = (*verdicts(flown), *heard, *limit_notes(flown), *planner_notes(flown))
         for sentence in (*notes, *export_sentences(export)):
             say(sentence)
         paths = [f"path.{suffix}" for suffix in dict.fromkeys(loaded.table.export.formats)]

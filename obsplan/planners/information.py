@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from jaxtyping import Float
 
-from formulations.beam_search import search_manoeuvres, turn_candidates
+from formulations.beam_search import Link, search_manoeuvres, turn_candidates
 from formulations.model.covariance import DEPTH, Tracks
 from formulations.model.schedule import Stages
 from formulations.solution import Status
@@ -17,7 +17,7 @@ from obsplan.planning.checks import check_choices, check_situation
 from obsplan.planning.fallback import straight_on, unusable
 from obsplan.planning.limits import LimitsAhead, positions_ahead
 from obsplan.planning.situation import Situation
-from obsplan.quantities import BEAM_WIDTH, BRANCHES, INTERVAL, STAGES
+from obsplan.quantities import BEAM_WIDTH, BRANCHES, INTERVAL, LINK_WEIGHT, STAGES
 from obsplan.types import Belief, Decision, Pose
 
 KNOWN_DEPTH = 1e-6  # [m]; beside an AUV that estimates its depth, another's has a log-determinant
@@ -39,6 +39,9 @@ class InformationHorizon:
     A turn that breaks a limit, or leaves no circle free to turn on, is discarded. If all do, the
     least violating is taken and the status says so. ``score`` is the mean of the criterion over
     the horizon, [m^2] or [-].
+
+    With a ``communication_weight`` the share of throughput that is lost by distance, times that
+    weight, is added to each AUV's criterion, and so to the score.
     """
 
     condition_label = ""
@@ -52,6 +55,11 @@ class InformationHorizon:
     stages: Annotated[int, "levels of the tree", STAGES] = 6
     turn_rates: Annotated[int, "branches at each level, odd", BRANCHES] = 7
     beam_width: Annotated[int, "sequences kept at each level", BEAM_WIDTH] = 128
+    communication_weight: Annotated[
+        float,
+        "of the share of throughput that is lost, added to the criterion, in its unit [m^2 or -]",
+        LINK_WEIGHT,
+    ] = 0.0
 
     def __post_init__(self) -> None:
         check_situation(self)
@@ -60,6 +68,12 @@ class InformationHorizon:
             raise ValueError(
                 "turn_rates must be odd and at least 3, straight on and pairs, "
                 f"got {self.turn_rates}: add one"
+            )
+        told = self.situation
+        if self.communication_weight and not told.throughput_half_distance < np.inf:
+            raise ValueError(
+                f"communication_weight = {self.communication_weight:g} weighs a throughput that "
+                "falls with distance, and it does not: give communication.throughput_half_distance"
             )
 
     @property
@@ -112,6 +126,7 @@ class InformationHorizon:
             ranging=self.situation.ranging,
             criterion=self.criterion,
             beam_width=self.beam_width,
+            link=Link(self.communication_weight, self.situation.throughput_half_distance),
             violation=None if limits is None else limits.along,
             limits=None if limits is None else limits.numbers(),
             first_violation=None

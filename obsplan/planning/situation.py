@@ -43,6 +43,7 @@ class Situation:
     heading_sigma: float = math.radians(1.0)  # of a measured heading [rad]
     # of the water that carries the aid vehicle, east and north [m/s]; 0: it steers over ground
     current: tuple[float, float] = (0.0, 0.0)
+    throughput_half_distance: float = math.inf  # at which half of the throughput is left [m]
     decision_interval: float = 1.0  # [s] between decisions
     constraints: Constraints = UNLIMITED
     survey_circle: Disc | None = None  # the smallest about every survey that the vehicle can follow
@@ -50,6 +51,11 @@ class Situation:
 
     def __post_init__(self) -> None:
         check_positive(self, ping_interval="s", heading_sigma="rad", decision_interval="s")
+        if not self.throughput_half_distance > 0:
+            raise ValueError(
+                "throughput_half_distance must be positive [m], "
+                f"got {self.throughput_half_distance}: correct it"
+            )
         if not 0 < self.ranging.sigma < math.inf:
             unit = "m^2" if self.ranging.squared else "m"
             raise ValueError(

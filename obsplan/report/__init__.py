@@ -11,6 +11,7 @@ _HOME = {
     "errors_figure": "errors",
     "export_sentences": "export_words",
     "free_folder": "files",
+    "hearing_notes": "hearing",
     "limit_notes": "verdict",
     "make_export": "export",
     "map_figure": "map",

@@ -13,6 +13,7 @@ from obsplan.estimators import ESTIMATORS, Estimator
 from obsplan.plugins import class_of, is_own
 from obsplan.scenario.beacons import Beacon, beacons_of
 from obsplan.scenario.choice import options
+from obsplan.scenario.communication import CommunicationTable
 from obsplan.scenario.environment import water_of
 from obsplan.scenario.messages import as_error
 from obsplan.scenario.tables import RANGING, RangingTable, ScenarioTable, aids_of
@@ -181,6 +182,30 @@ class Equipment:
             )
         except ValidationError as error:
             raise as_error(self.source, error, told=key) from None
+
+    @property
+    def ranges_may_be_lost(self) -> bool:
+        """Whether ranges that are due may not come."""
+        ranging = self.table.ranging
+        far = ranging.half_distance is not None or ranging.reach is not None
+        return far or ranging.loss > 0
+
+    @property
+    def depths_count(self) -> bool:
+        """Whether the range measured, or what filter or planner take it for, depends on depths."""
+        known = (self.range_sensor, self.filter_sensor, self.planner_sensor)
+        sensors = [sensor for sensor in known if isinstance(sensor, Range)]
+        return any(sensor.geometry == "slant" or sensor.profile for sensor in sensors)
+
+    @property
+    def communication(self) -> CommunicationTable:
+        """What aid vehicles hear."""
+        return self.table.communication or CommunicationTable()
+
+    @property
+    def hearing_matters(self) -> bool:
+        """Whether reports are anything but one with each range, on time."""
+        return self.table.communication is not None or self.ranges_may_be_lost
 
     @cached_property
     def beacons(self) -> tuple[Beacon, ...]:

@@ -23,6 +23,7 @@ from obsplan.scenario.areas import Role, Shape, as_entry, as_fence, common, shap
 from obsplan.scenario.base import tuples
 from obsplan.scenario.beacons import law_told, offsets, ranged_steps
 from obsplan.scenario.choice import options
+from obsplan.scenario.communication import MOST_IN_FLIGHT, check_communication, most_in_flight
 from obsplan.scenario.contents import check_contents
 from obsplan.scenario.equipment import Equipment
 from obsplan.scenario.messages import as_error
@@ -63,6 +64,10 @@ class Scenario(Equipment):
         _ = self.motions, self.ping_every, self.decide_every, self.constraints
         _ = self.vehicles, self.range_sensor, self.estimator, self.speed_sensors, self.log_every
         _ = self.filter_sensor, self.planner_sensor, self.beacons, self.offsets, self.depths
+        wrong = check_communication(self.communication, self.table.planner.knowledge)
+        if wrong is not None:
+            raise self.error(*wrong)
+        _ = self.in_flight
         self.team()
 
     def __repr__(self) -> str:
@@ -262,6 +267,32 @@ class Scenario(Equipment):
         return round(ratio)
 
     @property
+    def late(self) -> int:
+        """Steps that a report takes."""
+        latency = self.communication.latency
+        return self._steps("communication.latency", latency) if latency else 0
+
+    @property
+    def in_flight(self) -> int:
+        """Reports of an AUV that may be on their way at once."""
+        ranging, latency = self.table.ranging, self.communication.latency
+        spread = bool(ranging.slot or ranging.jitter)
+        carried = sum(beacon.carrier is not None for beacon in self.beacons)
+        in_round = carried if spread else min(carried, 1)
+        most = most_in_flight(
+            latency, interval=ranging.interval, jitter=ranging.jitter, in_round=in_round
+        )
+        found = min(self.late, most)
+        if found > MOST_IN_FLIGHT:
+            raise self.error(
+                "communication.latency",
+                f"{latency:g} s keeps up to {found} reports of an AUV on their way at once, and at "
+                f"most {MOST_IN_FLIGHT} are followed: give a shorter one, or a longer "
+                "ranging.interval",
+            )
+        return found
+
+    @property
     def pings(self) -> Integer[np.ndarray, " pings"]:
         """Indices of the sample instants at which ranges are due; none at time 0."""
         return np.flatnonzero(self.ranged(None).any(axis=(1, 2))) + 1
@@ -347,6 +378,7 @@ class Scenario(Equipment):
             silent=ranging.silent,
             transducer_depth=aids_of(self.table)[aid].transducer_depth,
             heading_sigma=self.heading_sensor.sigma,
+            throughput_half_distance=self.communication.throughput_half_distance or np.inf,
             decision_interval=self.decide_every * self.table.time_step,
             current=self.carrying[aid],
             constraints=self.constraints,

@@ -37,6 +37,7 @@ from obsplan.quantities import (
 )
 from obsplan.scenario.base import Table
 from obsplan.scenario.choice import Choice
+from obsplan.scenario.communication import CommunicationTable
 from obsplan.scenario.environment import SPEED_SENSOR, Environment, Velocity
 from obsplan.scenario.export import ExportTable
 from obsplan.scenario.places import Corners, Degrees, Place
@@ -427,6 +428,9 @@ class ScenarioTable(Table):
     auv: tuple[Auv, ...] = Field(min_length=1, description="the survey vehicles")
     environment: Environment = Environment()
     ranging: Ranging = Field(default=RANGING.default_table(), description="ranges and compass")
+    communication: CommunicationTable | None = Field(
+        default=None, description="what aid vehicles hear; default: an estimate with every range"
+    )
     constraints: ConstraintsTable = ConstraintsTable()
     estimator: Estimator = Field(default=ESTIMATOR.default_table(), description="the AUVs' filter")
     planner: Planner = Field(

@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 from obsplan.scenario import Scenario
 from obsplan.scenario.tables import aids_of
-from obsplan.sensors import Range
 
 
 class Features(NamedTuple):
@@ -18,23 +17,21 @@ class Features(NamedTuple):
     varying: bool  # currents differ by depth or time
     carried: bool  # some aid vehicle is carried by the current
     logged: int  # most numbers that an AUV's speed is measured by at once
+    unheard: bool  # reports may be lost whose ranges came
 
     @classmethod
     def of(cls, scenario: Scenario) -> "Features":
         """Those of a scenario."""
-        ranging, sensor = scenario.table.ranging, scenario.range_sensor
-        told = (sensor, scenario.filter_sensor, scenario.planner_sensor)
-        slant = [isinstance(s, Range) and s.geometry == "slant" for s in told]
-        profiles = [isinstance(s, Range) and bool(s.profile) for s in told]
-        far = ranging.half_distance is not None or ranging.reach is not None
+        ranging, communication = scenario.table.ranging, scenario.communication
         clocks = ranging.clock_offset or ranging.clock_drift
         return cls(
-            lossy=far or ranging.loss > 0,
+            lossy=scenario.ranges_may_be_lost,
             false=bool(ranging.outliers or ranging.scale_sigma or clocks),
             repeated=ranging.duplicates > 0,
-            deep=any(slant) or any(profiles),
+            deep=scenario.depths_count,
             bearing=ranging.bearing_sigma_deg is not None,
             varying=not scenario.water.is_uniform,
             carried=any(aid.carried for aid in aids_of(scenario.table)),
             logged=max(len(components) for components in scenario.true_logs),
+            unheard=communication.loss > 0 or communication.half_distance is not None,
         )

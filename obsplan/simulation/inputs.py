@@ -27,6 +27,7 @@ class Streams(NamedTuple):
     depth: np.random.Generator
     bearing: np.random.Generator
     log: np.random.Generator
+    report: np.random.Generator
 
 
 def streams(seed: int) -> Streams:
@@ -87,6 +88,7 @@ def mission_inputs(scenario: Scenario, starts: Sequence[Pose], seed: int) -> tup
         log_error=log_error,
         water=water,
         stream=stream(scenario) if features.carried else np.empty((steps, len(starts), 0)),
+        report_chance=random.report.random(of_each) if features.unheard else nothing,
     )
     return carry, Inputs(*(np.asarray(a, dtype=float) for a in inputs))
 
@@ -151,4 +153,7 @@ def first_carry(
     lower = pack_array(first_covariance(scenario, scenario.filter_states))
     cna = np.array([[start.x, start.y, start.heading] for start in starts])
     command = np.array([[0.0, aid.speed] for aid in scenario.aids])
-    return Carry(cna, command, truth, mean, lower, mean, lower)
+    # nothing is on its way yet: what waits for no step never arrives
+    report = np.concatenate([mean, lower, np.zeros((len(mean), 1))], axis=1)
+    in_flight = np.tile(report, scenario.in_flight)
+    return Carry(cna, command, truth, mean, lower, mean, lower, in_flight)

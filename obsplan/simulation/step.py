@@ -17,7 +17,8 @@ from obsplan.planning.interface import Planner, expression_of
 from obsplan.scenario import Scenario
 from obsplan.scenario.states import BASIC, noise
 from obsplan.simulation.features import Features
-from obsplan.simulation.surveyor import Fleet, Kind, Own, Surveyor
+from obsplan.simulation.own import Kind, Own
+from obsplan.simulation.surveyor import Fleet, Surveyor
 
 
 class Carry(NamedTuple):
@@ -34,10 +35,11 @@ class Carry(NamedTuple):
     covariance: Any  # m (m + 1) / 2 x M
     reported: Any  # m x M, the mean as last reported at a ping and dead-reckoned since
     reported_covariance: Any  # as covariance
+    in_flight: Any  # reports on their way, each: mean, covariance, steps until it arrives
 
 
 # of Carry, what no run records: arrays have the present sample only
-HELD = ("reported", "reported_covariance")
+HELD = ("reported", "reported_covariance", "in_flight")
 
 
 class Inputs(NamedTuple):
@@ -65,6 +67,7 @@ class Inputs(NamedTuple):
     log_error: Any  # some x M, in standard deviations
     water: Any  # 2 x M, true current at the step's end [m/s]
     stream: Any  # 2 x C, current that carries the aid vehicles over the step [m/s]
+    report_chance: Any  # B x M, from 0 to 1: a report comes whose probability is greater
 
 
 class Log(NamedTuple):
@@ -75,6 +78,7 @@ class Log(NamedTuple):
     condition: Any  # 1 x M, of the first aid vehicle's decision
     status: Any  # 1 x C
     bearing: Any  # B x M, or none
+    report: Any  # 1 x M, whether a report was made that is heard, be it later
 
 
 OF_ALL = ("time", "decide")  # one column
@@ -82,13 +86,13 @@ OF_ALL = ("time", "decide")  # one column
 OF_AID = ("cna", "command", "given", "score", "status", "stream")
 
 # of each AUV, what its part of the step is told of Carry and Inputs
-OF_AUV = ("truth", "mean", "covariance", "reported", "reported_covariance")
+OF_AUV = ("truth", "mean", "covariance", "reported", "reported_covariance", "in_flight")
 GIVEN_AUV = (
-    *("steer", "disturbance", "ping", "heading_error", "range_error"),
+    *("survey", "steer", "disturbance", "ping", "heading_error", "range_error"),
     *("chance", "false", "repeated", "depth", "depth_error", "bearing_error"),
-    *("log", "log_error", "water"),
+    *("log", "log_error", "water", "report_chance"),
 )
-FOUND = ("truth", "mean", "covariance", "reported", "reported_covariance", "range", "bearing")
+FOUND = (*OF_AUV, "range", "bearing", "report")
 
 
 def shape_of(name: str, scenario: Scenario) -> tuple[int, int]:
@@ -104,6 +108,8 @@ def shape_of(name: str, scenario: Scenario) -> tuple[int, int]:
     rows |= {"false": 2 * beacons * has.false, "depth": has.deep, "depth_error": has.deep}
     rows |= {"log": has.logged > 0, "log_error": has.logged}
     rows |= {"water": 2 * has.varying, "stream": 2 * has.carried}
+    rows |= {"in_flight": scenario.in_flight * (m + half + 1)}
+    rows |= {"report_chance": beacons * has.unheard}
     rows |= {"bearing_error": beacons * has.bearing, "bearing": beacons * has.bearing}
     columns = len(scenario.table.auv)
     if name in OF_ALL or name in OF_AID:
@@ -141,9 +147,9 @@ class StepBuilder:
         aids = range(len(self.planners))
         stream = inputs.stream
         cna = ca.horzcat(*(moved(carry.cna[:, c], command[:, c], stream[:, c]) for c in aids))
-        *columns, ranges, bearings = self._fleet(cna, command, carry, inputs)
+        *columns, ranges, bearings, reports = self._fleet(cna, command, carry, inputs)
         after = Carry(cna, command, *columns)
-        log = Log(ranges, score, condition, status, bearings)
+        log = Log(ranges, score, condition, status, bearings, reports)
         outputs = [ca.densify(expression) for expression in (*after, *log)]
         names = (
             [*Carry._fields, *Inputs._fields],
@@ -207,7 +213,7 @@ class StepBuilder:
         return Targets(known, current, position, weight, depth)
 
     def _fleet(self, cna: ca.MX, command: ca.MX, carry: Carry, inputs: Inputs) -> list[ca.MX]:
-        """Truth, mean, covariance, report, ranges and bearings of all AUVs at the step's end."""
+        """Each of `FOUND` of all AUVs at the step's end."""
         kinds: dict[Kind, list[int]] = {}
         for i in range(len(self.scenario.table.auv)):
             kinds.setdefault(self._kind(i), []).append(i)

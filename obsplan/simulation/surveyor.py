@@ -8,45 +8,15 @@ import numpy as np
 
 from formulations.model.casadi import SX
 from formulations.model.covariance import pack, unpack
-from formulations.model.ranging import arrival, law_of
-from obsplan.estimators import Process
+from formulations.model.ranging import Ranging, arrival, law_of
 from obsplan.scenario import Scenario
 from obsplan.scenario.beacons import law_told
+from obsplan.scenario.communication import SILENT
 from obsplan.scenario.states import BASIC
-from obsplan.sensors import Range, Sensor
+from obsplan.sensors import Range
 from obsplan.simulation.features import Features
-
-
-class Own(NamedTuple):
-    """What an AUV's step is told; see `Carry` and `Inputs`."""
-
-    truth: SX
-    mean: SX
-    covariance: SX
-    reported: SX
-    reported_covariance: SX
-    steer: SX
-    disturbance: SX
-    ping: SX
-    heading_error: SX
-    range_error: SX
-    chance: SX
-    false: SX
-    repeated: SX
-    depth: SX
-    depth_error: SX
-    bearing_error: SX
-    log: SX
-    log_error: SX
-    water: SX
-
-
-class Kind(NamedTuple):
-    """What AUVs may have in common."""
-
-    process: Process  # what their filters assume
-    current: tuple[float, float]  # they count on [m/s]
-    logs: tuple[tuple[Sensor, Sensor], ...]  # that measure speed: of the true state, the filter's
+from obsplan.simulation.listening import Listening, apart2
+from obsplan.simulation.own import Kind, Own
 
 
 class Fleet(NamedTuple):
@@ -101,19 +71,8 @@ class Surveyor(NamedTuple):
         if self.kind.logs:
             x, P = self._logged(after, x, P, own)
         x, P, heard, measured = self._ranged(after, x, P, own)
-        pinged = partial(ca.if_else, heard)
-        along = scenario.table.planner.knowledge == "estimate-and-survey"
-        turns = own.steer - own.reported[2:BASIC] if along else ca.SX.zeros(2)
-        reckoned, reckoned_P = filtering.predict(
-            own.reported, unpack(own.reported_covariance, m), turns, process
-        )
-        return measured | {
-            "truth": after,
-            "mean": x,
-            "covariance": P,
-            "reported": pinged(x, reckoned),
-            "reported_covariance": pinged(P, pack(reckoned_P)),
-        }
+        known = Listening(scenario, self.kind, self.fleet.beacons).step(own, x, P, heard)
+        return measured | known | {"truth": after, "mean": x, "covariance": P, "report": heard}
 
     def _logged(self, truth: SX, x: SX, P: SX, own: Own) -> tuple[SX, SX]:
         """Filter after its speed was measured, where it was."""
@@ -152,7 +111,8 @@ class Surveyor(NamedTuple):
             x, P = pinged(ranged, x), pinged(pack(ranged_P), P)
             ranges.append(pinged(z, np.nan))
             if beacon.carrier is not None:
-                heard = came if len(scenario.beacons) == 1 else ca.fmax(heard, came)
+                reported = self._reported(b, came, truth, seen, own)
+                heard = reported if len(scenario.beacons) == 1 else ca.fmax(heard, reported)
         found = {"range": ca.vertcat(*ranges), "bearing": ca.vertcat(ca.SX(0, 1), *bearings)}
         return x, P, heard, found
 
@@ -174,10 +134,20 @@ class Surveyor(NamedTuple):
         if not has.lossy:
             return own.ping[b]
         law = law_of(law_told(self.scenario.range_sensor, self.scenario.table.ranging))
-        r2 = ca.sumsqr(truth[:2] - beacon[:2])
-        if has.deep:
-            r2 += (beacon[7] - beacon[6]) ** 2
+        r2 = apart2(truth, beacon, deep=has.deep)
         return ca.logic_and(own.ping[b], own.chance[b] < arrival(law, r2))
+
+    def _reported(self, b: int, came: SX, truth: SX, beacon: SX, own: Own) -> SX:
+        """Whether an aid vehicle hears what the AUV reports with a range."""
+        communication, has = self.scenario.communication, Features.of(self.scenario)
+        if communication.reports == SILENT:
+            return ca.SX(0.0)
+        if not has.unheard:
+            return came
+        half_distance = communication.half_distance or np.inf
+        law = law_of(Ranging(1.0, loss=communication.loss, half_distance=half_distance))
+        arrives = own.report_chance[b] < arrival(law, apart2(truth, beacon, deep=has.deep))
+        return ca.logic_and(came, arrives)
 
     def _true(self, b: int, own: Own) -> SX:
         """A beacon as it is, of the AUV's true depth and water (`BEACON`)."""

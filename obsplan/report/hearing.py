@@ -1,0 +1,46 @@
+"""What aid vehicles heard of the AUVs, in words."""
+
+import numpy as np
+
+from obsplan.report.words import clock, percent
+from obsplan.run import Run
+from obsplan.scenario.communication import SILENT
+
+OVERDUE = 2.0  # times the age that reports have at most where none is lost
+TOLD = 0.005  # of the time: what rounds to a percent
+
+
+def hearing_notes(run: Run) -> list[str]:
+    """Say of each AUV how old its newest report was, and for how long it was out of reach.
+
+    Nothing is said where every report came with its range and on time.
+    """
+    if not run.scenario.hearing_matters:
+        return []
+    said = [(name, _clauses(run, i)) for i, name in enumerate(run.names)]
+    notes = [f"{name}, as heard: {'; '.join(clauses)}." for name, clauses in said if clauses]
+    if run.scenario.communication.reports == SILENT:
+        notes.append(
+            'Nothing is heard of the AUVs (communication.reports = "none"): how sure they are, '
+            "planners reckon from the surveys and the ranges to be expected."
+        )
+    return notes
+
+
+def _clauses(run: Run, i: int) -> list[str]:
+    heard, ranging = run.heard, run.scenario.table.ranging
+    clauses = []
+    if heard.age is not None:
+        last = run.scenario.offsets[:, i].max() + ranging.jitter
+        due = ranging.interval + last + run.scenario.communication.latency
+        age = heard.age[i]
+        if age.max() > OVERDUE * due:
+            oldest, mean = clock(run, age.max()), clock(run, age.mean())
+            clauses.append(f"newest report up to {oldest} old, {mean} in the mean")
+    if heard.in_reach is not None:
+        away = 1 - float(np.mean(heard.in_reach[i]))
+        if away > TOLD:
+            clauses.append(f"out of reach {percent(away)} of the time")
+    if heard.throughput is not None:
+        clauses.append(f"throughput {heard.throughput[i].mean():.3g} bit/s in the mean")
+    return clauses
