@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from formulations.model.covariance import conditioned, predicted
 from formulations.model.ranging import (
     EDGE,
-    FAINT,
+    AFAR,
     Ends,
     Ranging,
     arrival,
@@ -189,11 +189,11 @@ def test_planners_see_the_reach_fade_out_and_nothing_else_changes():
     assert (np.diff(seen) <= 0).all()
     at = [float(arrival(faded, ca.DM((reach * s) ** 2), edge=EDGE)) for s in (0.5, 1, 1.5)]
     gone = 1 / (1 + math.exp(10))
-    np.testing.assert_allclose(at, [1 - gone, 0.5, gone], rtol=0, atol=FAINT)
+    np.testing.assert_allclose(at, [1 - gone, 0.5, gone], rtol=0, atol=AFAR)
     lossy = law_of(Ranging(1.0, loss=0.3, half_distance=400.0))
     for r2 in (0.0, 1e4, 1e6):
         true, told = (float(arrival(lossy, ca.DM(r2), edge=edge)) for edge in (0.0, EDGE))
-        assert told == pytest.approx(true, rel=0, abs=0.7 * FAINT)
+        assert told == pytest.approx(true, rel=0, abs=0.7 * AFAR)
     constant = law_of(Ranging(1.0, loss=0.3))
     assert float(arrival(constant, ca.DM(1e8), edge=EDGE)) == pytest.approx(0.7, rel=1e-15)
 
@@ -322,7 +322,7 @@ def test_covariance_after_one_range_that_may_be_lost_is_the_mean_of_both_outcome
     p = 0.7 * 0.5 ** ((r / 60) ** 2)
     mean = p * conditioned(P, x, sure, 1.0, height) + (1 - p) * P
     # planners count on a faint share from beyond
-    np.testing.assert_allclose(conditioned(P, x, lossy, 1.0, height), mean, rtol=20 * FAINT)
+    np.testing.assert_allclose(conditioned(P, x, lossy, 1.0, height), mean, rtol=20 * AFAR)
 
 
 def test_unknown_depth_walks_by_itself():
