@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 
 from formulations.model.covariance import conditioned, predicted
 from formulations.model.ranging import (
-    EDGE,
     AFAR,
+    EDGE,
     Ends,
     Ranging,
     arrival,
