@@ -45,8 +45,11 @@ def velocity(auv):
 
 
 def arrives(ranging, r):
-    p = (1 - ranging.loss) * 2.0 ** -((r / ranging.half_distance) ** 2)
-    return p / (1 + math.exp((r / ranging.reach - 1) / 0.05)) if ranging.reach < math.inf else p
+    near = 2.0 ** -((r / ranging.half_distance) ** 2)
+    if ranging.reach < math.inf:
+        near /= 1 + math.exp((r / ranging.reach - 1) / 0.05)
+    far = 0.01 * (1 - near) / (1 + r / ranging.half_distance + r / ranging.reach)
+    return (1 - ranging.loss) * (near + far)
 
 
 def variance_of(ranging, r):

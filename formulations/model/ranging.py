@@ -107,12 +107,9 @@ def arrival(law: Law, r2: Any, *, edge: float = 0.0) -> Any:
     """
     if not law.form.lossy:
         return 1.0
-    within = r2 * law.per_reach**2
-    near = ca.exp(-np.log(2.0) * r2 * law.per_half_distance**2)
+    near = near_share(law, r2, edge=edge)
     if not edge:
-        return (1 - law.loss) * near * ca.if_else(within <= 1, 1.0, 0.0)
-    reached = 1 / (1 + ca.exp(ca.fmin((ca.sqrt(within) - 1) / edge, 500.0)))
-    near *= ca.if_else(law.per_reach > 0, reached, 1.0)
+        return (1 - law.loss) * near
     far = AFAR * (1 - near) / (1 + ca.sqrt(r2) * (law.per_half_distance + law.per_reach))
     return (1 - law.loss) * (near + far)
 
@@ -125,6 +122,16 @@ def throughput(r2: Any, per_half_distance: Any, per_reach: Any = 0.0, *, edge: f
     """
     link = Law(Form(lossy=True), 0.0, per_half_distance=per_half_distance, per_reach=per_reach)
     return arrival(link, r2, edge=edge)
+
+
+def near_share(law: Law, r2: Any, *, edge: float) -> Any:
+    """Share that is not lost by distance, fading out at the reach with an ``edge`` (of it)."""
+    within = r2 * law.per_reach**2
+    near = ca.exp(-np.log(2.0) * r2 * law.per_half_distance**2)
+    if not edge:
+        return near * ca.if_else(within <= 1, 1.0, 0.0)
+    reached = 1 / (1 + ca.exp(ca.fmin((ca.sqrt(within) - 1) / edge, 500.0)))
+    return near * ca.if_else(law.per_reach > 0, reached, 1.0)
 
 
 def expected_ranges(law: Law, r2: Any, pings: Any) -> tuple[Any, Any]:

@@ -28,7 +28,7 @@ from jaxtyping import Float
 
 from .casadi import SX, of_each, symbol
 from .covariance import NEAREST
-from .ranging import EDGE, NUMBERS, Form, Law, Ranging, arrival, law, variance
+from .ranging import EDGE, NUMBERS, Form, Law, Ranging, law, near_share, variance
 
 HALVINGS = 60  # of an interval of squared distances: down to its rounding
 
@@ -98,8 +98,8 @@ def least_sigma(
 def best_distance(ranging: Ranging, height: Any) -> Any:
     r"""Horizontal distance [m] at which a range over a height [m] is expected to tell most.
 
-    It maximises :math:`p(r) \, d^2 / (r^2 σ^2)`, in which p is the probability that the range
-    arrives, fading out at the reach as planners count on it; what the growth of the error itself
+    It maximises :math:`p(r) \, d^2 / (r^2 σ^2)`, in which p is the share that is not lost by
+    distance, fading out at the reach as planners count on it; what the growth of the error itself
     tells is left out, as they leave it out. With growth alone it is
 
     .. math:: d^2 = h \sqrt{h^2 + a^2 / b^2}.
@@ -152,7 +152,8 @@ def _best(form: Form) -> ca.Function:
 
     def told(d2: SX) -> SX:
         r2 = d2 + up2
-        return d2 / (r2 * variance(ranging, r2)) * arrival(ranging, r2, edge=EDGE)
+        near = near_share(ranging, r2, edge=EDGE) if form.lossy else 1.0
+        return near * d2 / (r2 * variance(ranging, r2))
 
     # each of what speaks against distance has its own best one, and together they leave less
     most = ca.SX(ca.inf)
