@@ -7,6 +7,7 @@ import pytest
 from oracles import Spy, arc, scenario
 
 import obsplan as op
+from formulations.solution import Status
 from obsplan.constraints import Stream, loiter_violation
 from obsplan.estimators import Ekf
 from obsplan.planners import planner_class
@@ -271,6 +272,19 @@ def drifted(pose, decision, flow, t):
     return arc(pose, decision.turn_rate, decision.speed, t) + np.array([*flow, 0.0]) * t
 
 
+class Watched:
+    """A planner whose statuses are remembered."""
+
+    def __init__(self, planner):
+        self.planner, self.situation, self.said = planner, planner.situation, []
+        self.constraints = planner.constraints
+
+    def plan(self, pose, auvs, *, time=0.0):
+        decision = self.planner.plan(pose, auvs, time=time)
+        self.said.append(decision.status)
+        return decision
+
+
 def flown(planner, flow, start, auvs, decisions):
     """Positions over ground, ten a second, of a vehicle that is carried and decides each second."""
     situation, pose, track = planner.situation, start, []
@@ -310,6 +324,16 @@ def test_limits_are_kept_over_ground_in_a_current_that_carries_the_vehicle(name)
         farthest.append(np.hypot(*track.T).max())
     assert 30.0 < farthest[0] <= 45.0 + 1e-3
     assert farthest[1] > 45.1  # who is not told the current is carried out
+
+
+def test_a_trajectory_is_optimised_within_limits_over_ground_and_seldom_falls_back():
+    flow = (0.8, 0.4)
+    auvs = [op.Belief.at(70.0, 30.0, covariance=np.diag([9.0, 4.0, 0.01, 0.04]))]
+    situation = op.Situation(CNA, ping_interval=4.0, current=flow, constraints=FENCE)
+    planner = Watched(planner_class("trajectory")(situation, stages=6))
+    track = flown(planner, flow, (10.0, 0.0, 0.0), auvs, 20)
+    assert 30.0 < np.hypot(*track.T).max() <= 45.0 + 1e-3
+    assert planner.said.count(Status.OPTIMAL) >= 18  # blind to the current it is best-manoeuvre
 
 
 def test_the_way_to_the_next_decision_is_held_against_limits_where_it_is_over_ground():

@@ -46,6 +46,7 @@ class Shape(NamedTuple):
     fence: int  # edges
     slew: bool
     free_speed: bool
+    carried: bool = False  # past areas, by water that flows
 
     @property
     def limited(self) -> bool:
@@ -87,6 +88,7 @@ def task_blocks(shape: Shape) -> dict[str, tuple[int, int]]:
         "line": (3, lines),
         "sharpness": (1, len(shape.keep_outs)),
         "side": (1, int(shape.discs + lines > 0)),
+        "loiter": (1, int(shape.carried)),  # radius, about the last turn's centre
         "least": (1, int(shape.least)),
         "greatest": (1, int(shape.greatest)),
     }
@@ -116,6 +118,7 @@ def stage_blocks(shape: Shape) -> dict[str, tuple[int, int]]:
         "there": (2, places * shape.auvs),
         "height": (1, places * shape.auvs if shape.form.slant else 0),
         "neighbour": (2, 2 * shape.neighbours),  # at the look and the end
+        "drift": (2, 2 * shape.carried),  # of the water since now, then
     }
 
 
@@ -265,7 +268,8 @@ def limits(
     if shape.limited:
         for at, time in enumerate((s["look"], s["duration"])):
             p = moved(x, u, shape, time)[:2]
-            soft += [c - s["margin"][0] for c in _clearances(p, g, shape, ca.SX(0.0))]
+            there = p + s["drift"][:, at] if shape.carried else p
+            soft += [c - s["margin"][0] for c in _clearances(there, g, shape, ca.SX(0.0))]
             first = at * shape.neighbours
             soft += _separations(
                 p, s["neighbour"][:, first : first + shape.neighbours], s, g, shape
@@ -274,7 +278,10 @@ def limits(
         end = moved(x, u, shape, s["duration"])
         abeam = ca.vertcat(-ca.sin(end[2]), ca.cos(end[2]))
         center = end[:2] + g["side"] * g["radius"] * abeam
-        soft += [c - s["margin"][0] for c in _clearances(center, g, shape, g["radius"])]
+        loiter = g["radius"]
+        if shape.carried:
+            center, loiter = center + s["drift"][:, 1], g["loiter"]
+        soft += [c - s["margin"][0] for c in _clearances(center, g, shape, loiter)]
     hard = []
     if shape.slew:
         hard += [s["reach"] - u[0] + x[3], s["reach"] + u[0] - x[3]]

@@ -74,6 +74,7 @@ def _shape(task: Task, heard: Task, objective: str, *, moving: bool, neighbours:
         fence=len(task.areas.fence),
         slew=task.reach is not None,
         free_speed=task.speed[0] < task.speed[1],
+        carried=bool(task.areas) and any(task.current),
     )
 
 
@@ -171,6 +172,7 @@ def _of_task(
         "line": np.concatenate(edges),
         "sharpness": np.array([_sharpness(lines) for lines in task.areas.keep_outs]),
         "side": np.array(side),
+        "loiter": np.array(_loiter(task)),
         "least": np.array(task.least),
         "greatest": np.array(task.greatest),
     }
@@ -218,7 +220,21 @@ def _of_stages(task: Task, heard: Task, shape: Shape, near: np.ndarray) -> dict[
         "there": np.concatenate(places, axis=1),
         "height": np.concatenate(heights, axis=1),
         "neighbour": np.concatenate([looked, p2], axis=1),
+        "drift": _drift(task, looks),
     }
+
+
+def _drift(task: Task, looks: Float[np.ndarray, " N"]) -> Float[np.ndarray, "N 2 2"]:
+    """How far the water has gone since now, by the look and the end of each stage."""
+    ends = np.cumsum(task.durations)
+    times = np.stack([ends - task.durations + looks, ends], axis=-1)
+    return times[..., None] * np.array(task.current)
+
+
+def _loiter(task: Task) -> float:
+    """Radius that a loiter in a current does not leave: a turn's, and the water's way meanwhile."""
+    radius = task.min_turn_radius
+    return radius + np.hypot(*task.current) * 2 * np.pi * radius / task.speed[1]
 
 
 def _thirds(
@@ -247,7 +263,8 @@ def _margins(task: Task, near: np.ndarray) -> Float[np.ndarray, "N 3"]:
     bulge = np.full_like(task.durations, h**2 / 8 / task.min_turn_radius)
     area = bulge
     if len(task.areas.discs):
-        area = bulge + h**2 / 8 / task.areas.discs[:, 2].min()
+        way = h * (1 + np.hypot(*task.current))
+        area = bulge + way**2 / 8 / task.areas.discs[:, 2].min()
     greatest = bulge + task.spread[near].max(initial=0.0)
     least = greatest
     if task.least > 0:

@@ -41,6 +41,8 @@ class Task(NamedTuple):
     areas: Areas
     least: float  # separation from each AUV [m]; 0: not limited
     greatest: float  # [m]; inf: not limited
+    # of the water that all but the areas is in: east, north [m/s]
+    current: tuple[float, float] = (0.0, 0.0)
 
     @property
     def length(self) -> float:
@@ -56,6 +58,14 @@ class Task(NamedTuple):
 def frame_of(task: Task) -> Frame:
     """The aid vehicle's frame, in the task's unit of length."""
     return Frame(task.pose[:2], float(task.pose[2]), task.length)
+
+
+def _seen(current: tuple[float, float], frame: Frame, time: float) -> tuple[float, float]:
+    """A current in a frame, in its unit of length and in a unit of time."""
+    if not any(current):
+        return current
+    east, north = frame.directions(np.array(current)) * time / frame.length
+    return float(east), float(north)
 
 
 def in_body_frame(task: Task) -> Task:
@@ -74,6 +84,7 @@ def in_body_frame(task: Task) -> Task:
         areas=in_frame(task.areas, frame),
         least=task.least / length,
         greatest=task.greatest / length,
+        current=_seen(task.current, frame, time),
     )
     unit = np.array([1 / length, 1 / length, 1.0, time / length])  # of the state
     return vehicle._replace(

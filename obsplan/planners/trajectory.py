@@ -235,6 +235,7 @@ class Trajectory:
             areas=self._areas,
             least=self.constraints.min_separation,
             greatest=self.constraints.max_separation,
+            current=self.situation.current,
         )
 
     def _motions(
