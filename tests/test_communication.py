@@ -69,9 +69,9 @@ def test_ages_and_time_in_reach_are_those_recounted_from_the_ranges(latency):
     assert recording(run) == recording(op.simulate(mission))
 
 
-@pytest.mark.parametrize("current", [(0.0, 0.0), (0.3, -0.2)])
-def test_late_report_is_the_estimate_of_that_time_dead_reckoned(current):
-    latency = 3.0  # longer than the 2 s between ranges: two reports are on their way
+# longer than the 2 s between ranges: two reports are on their way; with half a second to the next decision
+@pytest.mark.parametrize(("latency", "current"), [(3.0, (0.0, 0.0)), (3.5, (0.3, -0.2))])
+def test_late_report_is_the_estimate_of_that_time_dead_reckoned(latency, current):
     mission = scenario(
         **ESTIMATE, communication__latency=latency, environment__current=current, time_step=0.5
     )
