@@ -109,8 +109,11 @@ def test_reports_are_lost_as_often_as_said_and_ranges_with_none_of_them():
     assert every.reports[:, 1:].all()
 
 
-def test_planners_that_hear_nothing_know_how_sure_a_filter_on_the_survey_would_be():
-    mission = scenario(**NONE, ranging__loss=0.25, ranging__growth=0.02)
+@pytest.mark.parametrize("depth", [0.0, 30.0])
+def test_planners_that_hear_nothing_know_how_sure_a_filter_on_the_survey_would_be(depth):
+    slant = {"ranging__geometry": "slant", "auv__0__depth": depth, "auv__1__depth": depth}
+    more = slant if depth else {}
+    mission = scenario(**NONE, **more, ranging__loss=0.25, ranging__growth=0.02)
     run, beliefs = told(mission)
     noise = mission.process_noise(assumed=True)
     assert not run.reports.any()
@@ -124,8 +127,9 @@ def test_planners_that_hear_nothing_know_how_sure_a_filter_on_the_survey_would_b
             ekf.x[2:] = survey[k, 2:]
             ekf.heading(ekf.x[2], math.radians(1.0))
             if k % 4 == 0:
-                before, d = ekf.P, math.dist(ekf.x[:2], run.cna[k, :2])
-                ekf.range(d, run.cna[k, :2], math.hypot(1.0, 0.02 * d), squared=False)
+                before, away = ekf.P, ekf.x[:2] - run.cna[k, :2]
+                r = math.hypot(*away, depth)
+                ekf._correct(np.array([*away / r, 0.0, 0.0]), 0.0, math.hypot(1.0, 0.02 * r))
                 ekf.P = 0.25 * before + 0.75 * ekf.P
             if run.time[k] in beliefs:
                 belief = beliefs[run.time[k]][i]

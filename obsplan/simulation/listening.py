@@ -79,7 +79,7 @@ class Listening(NamedTuple):
         may be lost counts by its probability.
         """
         filtering = self.scenario.estimator
-        start = ca.vertcat(own.survey, own.reported[BASIC:])
+        start = ca.vertcat(own.survey[:BASIC], own.reported[BASIC:])
         P = unpack(own.reported_covariance, start.numel())
         turns = own.steer - start[2:BASIC]
         x, P = filtering.predict(start, P, turns, self.kind.process)
