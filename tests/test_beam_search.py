@@ -12,7 +12,7 @@ from oracles import arc
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from formulations.beam_search import search, search_manoeuvres, selection, turn_candidates
+from formulations.beam_search import Link, search, search_manoeuvres, selection, turn_candidates
 from formulations.beam_search.branching import Kind, branching
 from formulations.beam_search.compiled import Compiled, machine_code
 from formulations.beam_search.interpreted import Interpreted
@@ -251,6 +251,25 @@ def test_full_beam_finds_the_best_of_all_sequences(criterion):
         assert (found.status, found.primal_residual) == (Status.OPTIMAL, 0.0)
 
 
+def test_lost_throughput_costs_its_share_at_the_stages_ends():
+    given, weight, half = problem(np.random.default_rng(16)), 40.0, 12.0
+    share = given["weights"] / given["weights"].sum()
+    costs = {}
+    for turns in itertools.product(given["turn_rates"], repeat=3):
+        lost = 0.0
+        for s, place in enumerate(flown(given, turns)):
+            d = np.hypot(*(place - given["tracks"].position[s]).T)
+            left = 0.5 ** ((d / half) ** 2)
+            left += 0.01 * (1 - left) / (1 + d / half)  # from afar nearer is better, too
+            lost += share @ (1 - left) * given["stages"].duration[s]
+        costs[turns] = cost_of(given, turns) + weight * lost / given["stages"].duration.sum()
+    best = min(costs, key=costs.get)
+    found = search_manoeuvres(**given, link=Link(weight, half), beam_width=5**3)
+    assert tuple(found.x) == best
+    assert found.objective == pytest.approx(costs[best], rel=1e-8)
+    assert tuple(search_manoeuvres(**given, beam_width=5**3).x) != best
+
+
 def test_narrow_beam_says_what_its_sequence_costs_and_loses_little():
     rng = np.random.default_rng(7)
     lost = []
@@ -341,9 +360,9 @@ def deep(given, states):
     }
 
 
-def beams(auvs, stages, width, *, form=PLAIN, criterion="trace", states=4):
+def beams(auvs, stages, width, *, form=PLAIN, criterion="trace", states=4, linked=False):
     """What a search works with, as machine code and as arrays."""
-    kind = Kind(auvs, 5, form, criterion, states)
+    kind = Kind(auvs, 5, form, criterion, states, linked=linked)
     library = machine_code(kind)
     if library is None:
         pytest.skip("there is no C compiler")
@@ -352,18 +371,18 @@ def beams(auvs, stages, width, *, form=PLAIN, criterion="trace", states=4):
 
 
 @pytest.mark.parametrize(
-    ("ranging", "criterion", "states"),
+    ("ranging", "criterion", "states", "link"),
     [
-        (Ranging(0.7), "trace", 4),
-        (Ranging(0.7, squared=True), "log-det", 4),
-        (EVERYTHING, "trace", 4),
-        (EVERYTHING, "log-det", 5),
+        (Ranging(0.7), "trace", 4, Link()),
+        (Ranging(0.7, squared=True), "log-det", 4, Link()),
+        (EVERYTHING, "trace", 4, Link(3.0, 12.0)),
+        (EVERYTHING, "log-det", 5, Link()),
     ],
 )
 @pytest.mark.parametrize("width", [1, 7, 60])
 @pytest.mark.parametrize("spoilt", [False, True])
 def test_machine_code_finds_what_arrays_find_to_the_last_bit(
-    ranging, criterion, states, width, spoilt
+    ranging, criterion, states, link, width, spoilt
 ):
     given = problem(np.random.default_rng(width), auvs=2, stages=4)
     given |= deep(given, states)
@@ -371,12 +390,14 @@ def test_machine_code_finds_what_arrays_find_to_the_last_bit(
         *(given[name] for name in ("tracks", "process_noise", "weights", "stages", "turn_rates")),
         speed=2.0,
         ranging=ranging,
+        link=link,
     )
+    form, linked = ranging.form, link.weight > 0
     if spoilt:  # one turn of the second stage leads nowhere
         told[1, -2] = math.nan
     covariance = pack_array(given["covariance"])
     found = []
-    for beam in beams(2, 4, width, form=ranging.form, criterion=criterion, states=states):
+    for beam in beams(2, 4, width, form=form, criterion=criterion, states=states, linked=linked):
         beam.begin(given["pose"], covariance)
         beam.search(told)
         found.append(beam.first(told))

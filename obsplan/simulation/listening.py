@@ -79,7 +79,7 @@ class Listening(NamedTuple):
         may be lost counts by its probability.
         """
         filtering = self.scenario.estimator
-        start = ca.vertcat(own.survey, own.reported[BASIC:])
+        start = ca.vertcat(own.survey[:BASIC], own.reported[BASIC:])
         P = unpack(own.reported_covariance, start.numel())
         turns = own.steer - start[2:BASIC]
         x, P = filtering.predict(start, P, turns, self.kind.process)
@@ -90,7 +90,10 @@ class Listening(NamedTuple):
         return {"reported": x, "reported_covariance": pack(P), "in_flight": ca.SX(0, 1)}
 
     def _expected(self, x: SX, own: Own) -> list[tuple[Sensor, SX, SX]]:
-        """Sensors, beacons and the probability that they measure: compass, log, ranges and bearings."""
+        """Compass, log, range and bearing sensors, their beacons, and whether they measure.
+
+        That is 1, or 0, or the probability of it.
+        """
         scenario, has = self.scenario, Features.of(self.scenario)
         law = law_of(law_told(scenario.planner_sensor, scenario.planner_ranging))
         depth = own.depth if has.deep else ca.SX(0.0)
