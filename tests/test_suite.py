@@ -89,6 +89,10 @@ def test_field_covers_what_the_sea_does():
     deepest = max(np.max(auv.depth) for table in tables.values() for auv in table.auv)
     assert deepest == 1500.0
     assert tables["one-way-broadcast"].planner.knowledge == "survey"
+    assert tables["tidal-channel"].environment.tide is not None
+    assert tables["glider-current"].environment.current_profile
+    assert len(tables["two-aids"].cna) == 2
+    assert tables["lbl-aided"].beacon
 
 
 def test_no_two_scenarios_of_the_suites_have_one_name():

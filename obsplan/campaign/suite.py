@@ -10,13 +10,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from obsplan.campaign.statistics import LEVEL, medians, signed_rank_p
 from obsplan.constraints import ROUNDING
 from obsplan.planning.interface import expression_of
+from obsplan.planning.team import Team
 from obsplan.scenario import Scenario, load
 from obsplan.simulation import ClosedLoop
 from obsplan.types import ObsplanError
@@ -162,17 +163,22 @@ def least_error(scenario: Scenario) -> float:
 
     It holds for the scenario's seed, and is nan where none is known: for ranging of a user's own.
     """
-    loop = ClosedLoop(scenario=scenario, planner=scenario.planner())
+    loop = ClosedLoop(scenario=scenario, planner=scenario.team())
     run = loop.fly(scenario.table.seed)
     if run.unbounded:
         return float("nan")
     return float(np.sqrt(np.mean([bound.bound for bound in run.information_bounds])))
 
 
+def called(planner: Any) -> Any:
+    """The same planner, to be called between the steps."""
+    return planner if expression_of(planner) is None else SimpleNamespace(plan=planner.plan)
+
+
 def decision_time(scenario: Scenario) -> float:
     """Median time of a decision [ms] of the scenario's planner, called between the steps."""
-    planner = scenario.planner()
-    walked = planner if expression_of(planner) is None else SimpleNamespace(plan=planner.plan)
+    planners = [called(scenario.planner(aid)) for aid in range(len(scenario.aids))]
+    walked = planners[0] if len(planners) == 1 else Team(tuple(planners))
     run = ClosedLoop(scenario=scenario, planner=walked).fly(scenario.table.seed)
     return float(np.median(run.timing.decision_seconds) * 1e3)
 

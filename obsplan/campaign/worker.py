@@ -79,7 +79,7 @@ def failed(seed: int, reason: str) -> Outcome:
 def closed_loop(content: str, compiled: bool) -> ClosedLoop:
     """The loop of a cell, built once."""
     scenario = from_dict(json.loads(content))
-    return ClosedLoop(scenario=scenario, planner=scenario.planner(), compiled=compiled)
+    return ClosedLoop(scenario=scenario, planner=scenario.team(), compiled=compiled)
 
 
 def divergence(run: Run) -> str | None:
