@@ -131,8 +131,8 @@ class Decision:
 
     ``predict`` makes the predicted poses, which are `path`; default: none. ``score`` is the
     planner's own objective in its own unit; ``condition`` the predicted condition number per AUV,
-    nan where the planner has none. ``route`` gives planned positions [m] as a function of time from
-    now [s], for other aid vehicles; without one the turn is taken to be held.
+    nan where the planner has none. ``route`` gives planned positions over ground [m] as a function
+    of time from now [s], for other aid vehicles; without one the turn is taken to be held.
     """
 
     turn_rate: float  # [rad/s], positive to the left

@@ -150,7 +150,7 @@ class InformationHorizon:
             first_violation=None
             if limits is None
             else limits.first_move(state, turn_rates, cna.speed),
-            known=told(companions, auvs, time, stages),
+            known=told(companions, auvs, time, stages, self.situation.current),
         )
         if not np.isfinite(best.objective):  # a current or a process noise is no number
             return straight_on(cna, pose, Status.INVALID_INPUT, len(auvs))
@@ -163,7 +163,13 @@ class InformationHorizon:
             score=best.objective,
             status=best.status,
             condition=nothing,
-            route=Turns(pose, tuple(best.x.tolist()), cna.speed, tuple(stages.duration.tolist())),
+            route=Turns(
+                pose,
+                tuple(best.x.tolist()),
+                cna.speed,
+                tuple(stages.duration.tolist()),
+                self.situation.current,
+            ),
         )
 
 

@@ -43,21 +43,23 @@ class Team:
         Poses have the turn rates, and speeds [m/s] are those, that are still held.
         """
         held: list[Route] = [
-            Turns(pose, (pose.turn_rate,), speed) for pose, speed in zip(poses, speeds, strict=True)
+            Turns(pose, (pose.turn_rate,), speed, current=situation.current)
+            for pose, speed, situation in zip(poses, speeds, situations, strict=True)
         ]
         if not self.joint:
             return [ask(k, others(situations, held, k, told=False)) for k in range(len(poses))]
         answers: list[Answer] = []
         for k, pose in enumerate(poses):
             answers.append(ask(k, others(situations, held, k)))
-            held[k] = route_of(answers[k].decision, pose)
+            held[k] = route_of(answers[k].decision, pose, situations[k])
         cooperating = [k for k, one in enumerate(self.members) if isinstance(one, Cooperates)]
         for _ in range(ROUNDS - 1 if len(poses) > 1 else 0):
             changed = False
             for k in cooperating:
                 answer = ask(k, others(situations, held, k))
                 changed |= not same(answer.decision, answers[k].decision)
-                answers[k], held[k] = answer, route_of(answer.decision, poses[k])
+                held[k] = route_of(answer.decision, poses[k], situations[k])
+                answers[k] = answer
             if not changed:
                 break
         return answers
@@ -80,9 +82,10 @@ def others(
     )
 
 
-def route_of(decision: Decision, pose: Pose) -> Route:
+def route_of(decision: Decision, pose: Pose, situation: Situation) -> Route:
     """Where a decision takes the vehicle: the planner's route, or the turn held on."""
-    return decision.route or Turns(pose, (decision.turn_rate,), decision.speed)
+    turn, current = (decision.turn_rate,), situation.current
+    return decision.route or Turns(pose, turn, decision.speed, current=current)
 
 
 def same(one: Decision, other: Decision) -> bool:
