@@ -5,7 +5,7 @@ import reprlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import compress
+from itertools import combinations, compress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -254,6 +254,22 @@ class Constraints:
                 )
                 told.append(greatest)
         return tuple(told)
+
+    def between(
+        self, paths: Sequence[Float[np.ndarray, "samples 2"]], names: Sequence[str]
+    ) -> tuple[LimitHistory, ...]:
+        """How the least distance between any two aid vehicles is kept along their paths [m]."""
+        least, found = self.min_separation_cna, []
+        for one, other in combinations(range(len(paths)) if least > 0 else (), 2):
+            distance = np.hypot(*(paths[one] - paths[other]).T)
+            history = LimitHistory(
+                name=f"least separation of {names[other]} from {names[one]}",
+                violation=least - distance,
+                aid=other,
+                distance=least,
+            )
+            found.append(history)
+        return tuple(found)
 
     def keeps_legs(self, legs: Float[np.ndarray, "n 2 2"]) -> Bool[np.ndarray, " n"]:
         """Whether straight legs between two places keep out and within the geofence."""

@@ -14,6 +14,7 @@ from obsplan.planning.answers import fitted
 from obsplan.planning.expressions import Command
 from obsplan.planning.expressions import fitted as fitted_expression
 from obsplan.planning.interface import check_planner
+from obsplan.planning.team import Team
 from obsplan.report import planner_notes
 from obsplan.simulation import ClosedLoop
 

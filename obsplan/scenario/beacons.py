@@ -24,6 +24,11 @@ class Beacon:
     depth: float  # [m]
 
 
+def aid_names(aids: int) -> tuple[str, ...]:
+    """Names of as many aid vehicles: cna, or cna-1, cna-2, ..."""
+    return ("cna",) if aids == 1 else tuple(f"cna-{i + 1}" for i in range(aids))
+
+
 def beacons_of(table: ScenarioTable) -> tuple[Beacon, ...]:
     """The aid vehicles' own transducers, then the other beacons.
 
@@ -34,8 +39,7 @@ def beacons_of(table: ScenarioTable) -> tuple[Beacon, ...]:
     """
     aids = aids_of(table)
     found = []
-    for i, aid in enumerate(aids):
-        name = "cna" if len(aids) == 1 else f"cna-{i + 1}"
+    for i, (aid, name) in enumerate(zip(aids, aid_names(len(aids)), strict=True)):
         if aid.ranged:
             found.append(Beacon(name, i, (0.0, 0.0), aid.transducer_depth))
     for beacon in table.beacon:

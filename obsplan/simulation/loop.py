@@ -178,16 +178,19 @@ class ClosedLoop:
         self,
         seed: int,
         *,
-        start: Pose | None = None,
+        start: Pose | Sequence[Pose] | None = None,
         progress: Progress | None = None,
         covariances: bool = True,
     ) -> Run:
-        """Fly the mission under the noise of a seed, the first from another ``start`` if given.
+        """Fly the mission under the noise of a seed, from other places if given.
+
+        A ``start`` is the first aid vehicle's; several are those of all.
 
         Without ``covariances`` those of the run, more than half of what it holds, are nan.
         """
         began, progress = perf_counter(), progress or (lambda _done, _steps: None)
-        starts = self.starts if start is None else (start, *self.starts[1:])
+        given = (start,) if isinstance(start, Pose) else tuple(start or ())
+        starts = (*given, *self.starts[len(given) :])
         first, inputs = mission_inputs(self.scenario, starts, seed)
         steps = len(inputs.time)
         for planner, begin in zip(self.planners, starts, strict=True):
