@@ -5,7 +5,7 @@ import reprlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import compress
+from itertools import combinations, compress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -143,6 +143,7 @@ class LimitHistory:
     """How one limit was kept, or broken, along a path."""
 
     name: str  # as people say it: keep-out 2, the geofence, least separation from auv-1
+    aid: int = 0  # whose path it limits: the number of the aid vehicle
     violation: Float[np.ndarray, " samples"]  # how far [m] it is broken; at most 0 where it is kept
     auv: int | None = None  # whose separation it limits; None of a keep-out or the geofence
     distance: float | None = None  # the least or greatest separation [m]
@@ -160,7 +161,7 @@ class LimitHistory:
 
 @dataclass(frozen=True, kw_only=True)
 class Constraints:
-    """Limits on the aid vehicle's position; all distances in metres.
+    """Limits on an aid vehicle's position; all distances in metres.
 
     Raises
     ------
@@ -172,12 +173,18 @@ class Constraints:
     geofence: Disc | Polygon | None = None
     min_separation: float = 0.0
     max_separation: float = float("inf")
+    min_separation_cna: float = 0.0  # from any other aid vehicle
 
     def __post_init__(self) -> None:
         if not 0 <= self.min_separation < self.max_separation:
             raise ValueError(
                 f"separations must be 0 <= least < greatest [m], got {self.min_separation} and "
                 f"{self.max_separation}: correct one of them"
+            )
+        if not 0 <= self.min_separation_cna < np.inf:
+            raise ValueError(
+                "the least separation of aid vehicles must be finite and at least 0 [m], got "
+                f"{self.min_separation_cna}"
             )
 
     def __bool__(self) -> bool:
@@ -248,6 +255,22 @@ class Constraints:
                 told.append(greatest)
         return tuple(told)
 
+    def between(
+        self, paths: Sequence[Float[np.ndarray, "samples 2"]], names: Sequence[str]
+    ) -> tuple[LimitHistory, ...]:
+        """How the least distance between any two aid vehicles is kept along their paths [m]."""
+        least, found = self.min_separation_cna, []
+        for one, other in combinations(range(len(paths)) if least > 0 else (), 2):
+            distance = np.hypot(*(paths[one] - paths[other]).T)
+            history = LimitHistory(
+                name=f"least separation of {names[other]} from {names[one]}",
+                violation=least - distance,
+                aid=other,
+                distance=least,
+            )
+            found.append(history)
+        return tuple(found)
+
     def keeps_legs(self, legs: Float[np.ndarray, "n 2 2"]) -> Bool[np.ndarray, " n"]:
         """Whether straight legs between two places keep out and within the geofence."""
         kept = (
@@ -262,18 +285,24 @@ class Constraints:
         positions: Float[np.ndarray, "*batch 2"],
         auvs: Float[np.ndarray, "*#batch M 2"],
         margin: Float[np.ndarray, " M"] | float = 0.0,
+        *,
+        aids: int = 0,
     ) -> Float[np.ndarray, "*batch"]:
         """How far [m] positions are from a permitted distance to every AUV; at most 0 if right.
 
-        A margin [m] is kept from each AUV.
+        A margin [m] is kept from each AUV. The last so many of them, ``aids``, are other aid
+        vehicles.
         """
-        if not self._separates:
+        if not (aids or self._separates):
             return np.full(positions.shape[:-1], -np.inf)
         way = positions[..., None, :] - auvs
         distance = np.sqrt(way[..., 0] ** 2 + way[..., 1] ** 2)
-        broken = distance - self.max_separation
-        if self.min_separation > 0:
-            broken = np.maximum(self.min_separation - distance, broken)
+        neighbours = distance.shape[-1]
+        is_aid = np.arange(neighbours) >= neighbours - aids
+        least = np.where(is_aid, self.min_separation_cna, self.min_separation)
+        broken = distance - np.where(is_aid, np.inf, self.max_separation)
+        if least.any():
+            broken = np.maximum(least - distance, broken)
         return np.max(broken + margin, axis=-1, initial=-np.inf)
 
     @property
@@ -285,6 +314,8 @@ class Constraints:
         positions: Float[np.ndarray, "*batch 2"],
         auvs: Float[np.ndarray, "*#batch M 2"],
         margin: Float[np.ndarray, " M"] | float = 0.0,
+        *,
+        aids: int = 0,
     ) -> Float[np.ndarray, "*batch"]:
         """How far [m] positions break a limit, 0 where they keep all.
 
@@ -292,7 +323,8 @@ class Constraints:
 
         The last axis of the batch is a path, of which the middle is looked at first.
         """
-        broken = np.maximum(self.separation_violation(positions, auvs, margin), 0.0)
+        apart = self.separation_violation(positions, auvs, margin, aids=aids)
+        broken = np.maximum(apart, 0.0)
         if positions.ndim < 3:
             return np.maximum(broken, self.fixed_violation(positions))
         middle = positions[..., positions.shape[-2] // 2, :]
@@ -370,6 +402,7 @@ def first_move_violation(
     auvs: Callable[[Float[np.ndarray, " points"]], Float[np.ndarray, "points M 2"]],
     margin: Float[np.ndarray, " M"] | float = 0.0,
     stream: Stream = STILL,
+    aids: int = 0,
 ) -> Float[np.ndarray, " K"]:
     """How far [m] each turn breaks a limit before the next decision, or without fail after it.
 
@@ -395,6 +428,8 @@ def first_move_violation(
         By which separations are kept more than the limits say, per AUV [m].
     stream
         What carries the vehicle.
+    aids
+        How many of the last of ``auvs`` are other aid vehicles.
     """
     times = interval * np.arange(1, MOVE_POINTS + 1) / MOVE_POINTS
     poses = stream.over_ground(arcs(pose, turn_rates, speed, times), times)
@@ -409,9 +444,8 @@ def first_move_violation(
         fixed = np.maximum(fixed, (loiters + reach).min(axis=-1))
     known = auvs(np.append(0.0, times))
     strides = 0.5 * np.max(np.linalg.norm(np.diff(known, axis=0), axis=-1), axis=-1, initial=0.0)
-    apart = np.max(
-        constraints.separation_violation(positions, known[1:], margin) + strides, axis=-1
-    )
+    broken = constraints.separation_violation(positions, known[1:], margin, aids=aids)
+    apart = np.max(broken + strides, axis=-1)
     worst = np.maximum(fixed, apart) + half_step
     return np.where(
         fixed + half_step > 0, worst + max(0.0, float(np.max(apart)) + half_step), worst

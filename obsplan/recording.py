@@ -10,7 +10,7 @@ from jaxtyping import Float, Int8
 from formulations.solution import Status
 from obsplan import geo
 from obsplan.files import open_atomically
-from obsplan.run import Run
+from obsplan.run import AidTrack, Run
 from obsplan.scenario.states import BASIC, own
 
 if TYPE_CHECKING:
@@ -227,27 +227,35 @@ def _identity() -> dict[str, Any]:
 
 
 def _cna(run: Run) -> Variables:
-    lat, lon = _latlon(run, run.cna[:, :2])
+    """The aid vehicle's; of others ``cna_2_x`` and so on."""
+    found = _of_aid(run, run.aids[0], "cna", "the aid vehicle")
+    for aid, name in zip(run.others, run.aid_names[1:], strict=True):
+        found |= _of_aid(run, aid, name.replace("-", "_"), f"aid vehicle {name}")
+    return found
+
+
+def _of_aid(run: Run, aid: AidTrack, name: str, whose: str) -> Variables:
+    lat, lon = _latlon(run, aid.pose[:, :2])
     return {
-        "cna_x": (("time",), run.cna[:, 0], _quantity("m", "east of the aid vehicle")),
-        "cna_y": (("time",), run.cna[:, 1], _quantity("m", "north of the aid vehicle")),
-        "cna_heading": (
+        f"{name}_x": (("time",), aid.pose[:, 0], _quantity("m", f"east of {whose}")),
+        f"{name}_y": (("time",), aid.pose[:, 1], _quantity("m", f"north of {whose}")),
+        f"{name}_heading": (
             ("time",),
-            run.cna[:, 2],
-            _quantity("rad", f"heading of the aid vehicle, {CCW}"),
+            aid.pose[:, 2],
+            _quantity("rad", f"heading of {whose}, {CCW}"),
         ),
-        "cna_turn_rate": (
+        f"{name}_turn_rate": (
             ("time",),
-            run.turn_rate,
-            _quantity("rad s-1", "turn rate of the aid vehicle, positive to the left"),
+            aid.turn_rate,
+            _quantity("rad s-1", f"turn rate of {whose}, positive to the left"),
         ),
-        "cna_speed": (
+        f"{name}_speed": (
             ("time",),
-            run.speed,
-            _quantity("m s-1", "speed of the aid vehicle", "platform_speed_wrt_ground"),
+            aid.speed,
+            _quantity("m s-1", f"speed of {whose}", "platform_speed_wrt_ground"),
         ),
-        "cna_lat": (("time",), lat, _latitude("latitude of the aid vehicle")),
-        "cna_lon": (("time",), lon, _longitude("longitude of the aid vehicle")),
+        f"{name}_lat": (("time",), lat, _latitude(f"latitude of {whose}")),
+        f"{name}_lon": (("time",), lon, _longitude(f"longitude of {whose}")),
     }
 
 
@@ -276,15 +284,19 @@ def _auvs(run: Run) -> Variables:
             ),
         }
     found |= _own_states(run)
-    ranged = _quantity(
-        "m2" if squared else "m", f"measured {'squared ' * squared}range to the aid vehicle"
-    )
-    return found | {
+    ranges: Variables = {}
+    for b, beacon in enumerate(run.scenario.beacons):
+        alone = len(run.ranges) == 1 and beacon.carrier is not None
+        whom = "the aid vehicle" if alone else beacon.name
+        about = f"measured {'squared ' * squared}range to {whom}"
+        name = "range" if b == 0 else f"range_{b + 1}"
+        ranges[name] = (along, run.ranges[b], _quantity("m2" if squared else "m", about))
+    located: Variables = {
         "est_lat": (along, est_lat, _latitude("estimated latitude of the AUV")),
         "est_lon": (along, est_lon, _longitude("estimated longitude of the AUV")),
         "covariance": ((*along, "state", "state_2"), run.covariance, _of_covariance(run)),
-        "range": (along, run.range, ranged),
     }
+    return found | located | ranges
 
 
 def _of_covariance(run: Run) -> dict[str, Any]:

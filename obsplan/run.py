@@ -1,7 +1,7 @@
 """What was recorded of a mission, and what follows from it."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,6 +17,7 @@ from obsplan.estimators import Process
 from obsplan.estimators.jacobian import predictions
 from obsplan.heard import Heard
 from obsplan.scenario import Scenario
+from obsplan.scenario.beacons import aid_names
 from obsplan.scenario.states import noise
 from obsplan.sensors import Range, SquaredRange
 from obsplan.types import ObsplanError
@@ -114,6 +115,11 @@ class Run:
         first = AidTrack(self.cna, self.turn_rate, self.speed, self.score, self.status)
         return first, *self.others
 
+    @property
+    def aid_names(self) -> tuple[str, ...]:
+        """Names of the aid vehicles."""
+        return aid_names(len(self.others) + 1)
+
     @cached_property
     def beacon_places(self) -> Float[np.ndarray, "beacons samples 2"]:
         """Where each of the scenario's beacons is, east and north [m]."""
@@ -191,8 +197,14 @@ class Run:
     @cached_property
     def limits(self) -> tuple[LimitHistory, ...]:
         """How each of the scenario's limits was kept, at the sample instants."""
-        path = np.ascontiguousarray(self.cna[:, :2])
-        return self.scenario.constraints.histories(path, self.separation, self.names)
+        limits, found = self.scenario.constraints, []
+        paths = [np.ascontiguousarray(aid.pose[:, :2]) for aid in self.aids]
+        for k, path in enumerate(paths):
+            apart = np.hypot(*np.moveaxis(self.truth[..., :2] - path, -1, 0))
+            own = limits.histories(path, apart, self.names)
+            whose = f" of {self.aid_names[k]}" if self.others else ""
+            found += [replace(one, name=one.name + whose, aid=k) for one in own]
+        return (*found, *limits.between(paths, self.aid_names))
 
     @cached_property
     def violation(self) -> Float[np.ndarray, "auvs samples"]:

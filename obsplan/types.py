@@ -131,7 +131,8 @@ class Decision:
 
     ``predict`` makes the predicted poses, which are `path`; default: none. ``score`` is the
     planner's own objective in its own unit; ``condition`` the predicted condition number per AUV,
-    nan where the planner has none.
+    nan where the planner has none. ``route`` gives planned positions over ground [m] as a function
+    of time from now [s], for other aid vehicles; without one the turn is taken to be held.
     """
 
     turn_rate: float  # [rad/s], positive to the left
@@ -140,6 +141,9 @@ class Decision:
     score: float = float("nan")
     status: Status = Status.OPTIMAL
     condition: Float[np.ndarray, " auvs"] = field(default_factory=lambda: np.empty(0))
+    route: Callable[[np.ndarray], np.ndarray] | None = field(
+        default=None, repr=False, compare=False
+    )
 
     @property
     def path(self) -> Float[np.ndarray, "steps 3"]:

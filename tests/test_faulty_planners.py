@@ -14,6 +14,7 @@ from obsplan.planning.answers import fitted
 from obsplan.planning.expressions import Command
 from obsplan.planning.expressions import fitted as fitted_expression
 from obsplan.planning.interface import check_planner
+from obsplan.planning.team import Team
 from obsplan.report import planner_notes
 from obsplan.simulation import ClosedLoop
 
@@ -288,7 +289,8 @@ def test_a_planner_that_fails_over_a_lost_filter_is_not_blamed():
     loop = ClosedLoop(scenario=MISSION, planner=Faulty(answer))
     lost = op.Belief(mean=np.full(4, np.nan), covariance=np.eye(4))
     pose = op.Pose(0.0, 0.0, 0.0)
-    decision, fault = loop._answer(loop.planner, pose, [lost], 0.0, free=True)
+    team = Team((loop.planner,))
+    decision, fault = loop._ask(0, (), poses=[pose], auvs=[lost], team=team, time=0.0, free=[True])
     assert (decision.status.label, decision.turn_rate) == ("invalid-input", 0.0)
     assert "turn_rate" in fault
 

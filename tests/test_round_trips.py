@@ -96,7 +96,7 @@ def test_limits_come_back_where_there_is_room_for_them(back):
 def test_every_file_of_a_run_is_read_as_the_mission_that_was_made(tmp_path):
     run = simulate(load("harbor-survey", planner="random", settings=["duration=300.0"]))
     export = make_export(run)
-    write_run(run, tmp_path / "out", export)
+    write_run(run, tmp_path / "out", (export,))
     track = export.simplified.track
     for suffix in WRITERS:
         mission = read_mission(tmp_path / "out" / f"path{suffix}")

@@ -55,7 +55,7 @@ def enu(latlon):
 
 @pytest.mark.slow
 def test_mission_is_near_the_path_flown_and_counted_as_the_vehicle_does(run, export, tmp_path):
-    write_run(run, tmp_path / "out", export)
+    write_run(run, tmp_path / "out", (export,))
     loader = MAVWPLoader()
     assert loader.load(str(tmp_path / "out" / "path.waypoints")) == export.simplified.items
     places = enu(np.array([(w.x, w.y) for w in loader.wpoints if w.command in (16, 17)]))[1:]
@@ -66,7 +66,7 @@ def test_mission_is_near_the_path_flown_and_counted_as_the_vehicle_does(run, exp
 
 @pytest.mark.slow
 def test_summary_tells_the_mission_and_its_costs(run, export, tmp_path):
-    write_run(run, tmp_path / "out", export)
+    write_run(run, tmp_path / "out", (export,))
     told = json.loads((tmp_path / "out" / "summary.json").read_text())["export"]
     track = export.simplified.track
     assert told["items"] == export.simplified.items
@@ -173,7 +173,7 @@ def limited():
 @pytest.mark.slow
 def test_limits_are_in_the_files_that_hold_them(limited, tmp_path):
     run, export = limited
-    write_run(run, tmp_path / "out", export)
+    write_run(run, tmp_path / "out", (export,))
     fence = np.array([(-90.0, -80.0), (120.0, -80.0), (120.0, 120.0), (-90.0, 120.0)])
     plan = json.loads((tmp_path / "out" / "path.plan").read_text())["geoFence"]
     assert [p["inclusion"] for p in plan["polygons"]] == [True, False]

@@ -40,11 +40,12 @@ def run(
 ) -> None:
     """Simulate a survey: plan the aid vehicle's path, estimate, report, write files to load."""
     from obsplan.report import (
-        export_sentences,
+        exports_sentences,
         free_folder,
         hearing_notes,
         limit_notes,
-        make_export,
+        make_exports,
+        path_names,
         planner_notes,
         run_table,
         verdicts,
@@ -64,15 +65,15 @@ def run(
         with progress(f"{name}, certified bound") as advance:
             flown = certified(flown, advance)
     with progress(f"{name}, path as loaded") as advance:
-        export = make_export(flown, progress=advance)
-    folder = write_free(out, name, lambda folder: write_run(flown, folder, export))
+        exports = make_exports(flown, progress=advance)
+    folder = write_free(out, name, lambda folder: write_run(flown, folder, exports))
     with keeping(folder, WRITTEN):
         show(run_table(flown))
         heard = hearing_notes(flown)
         notes = (*verdicts(flown), *heard, *limit_notes(flown), *planner_notes(flown))
-        for sentence in (*notes, *export_sentences(export)):
+        for sentence in (*notes, *exports_sentences(exports)):
             say(sentence)
-        paths = [f"path.{suffix}" for suffix in dict.fromkeys(loaded.table.export.formats)]
+        paths = [name for export in exports for name in path_names(export).values()]
         say_written(folder, ", ".join(["map.png", "errors.png", *paths, "tracks.csv and more"]))
 
 

@@ -14,6 +14,7 @@ from formulations.model.schedule import Stages
 from formulations.solution import Status
 from obsplan.constraints import Constraints
 from obsplan.planning.checks import check_choices, check_situation
+from obsplan.planning.companion import Companion, Turns, told
 from obsplan.planning.fallback import straight_on, unusable
 from obsplan.planning.limits import LimitsAhead, positions_ahead
 from obsplan.planning.situation import Situation
@@ -35,6 +36,9 @@ class InformationHorizon:
 
     Where pings are frequent, a stage should not leave time for a whole circle: a plan that begins
     with one goes nowhere for as long as decisions come more often than stages end.
+
+    What ranges to moored beacons and other aid vehicles are expected to tell is counted as well
+    (`obsplan.planning.companion.told`).
 
     A turn that breaks a limit, or leaves no circle free to turn on, is discarded. If all do, the
     least violating is taken and the status says so. ``score`` is the mean of the criterion over
@@ -102,9 +106,23 @@ class InformationHorizon:
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Choose the first turn of the best sequence found."""
-        return unusable(self.situation.cna, pose, auvs) or self._search(pose, auvs, time)
+        return self.plan_among(pose, auvs, (), time=time)
 
-    def _search(self, pose: Pose, auvs: Sequence[Belief], time: float) -> Decision:
+    def plan_among(
+        self,
+        pose: Pose,
+        auvs: Sequence[Belief],
+        companions: Sequence[Companion],
+        *,
+        time: float = 0.0,
+    ) -> Decision:
+        """The same, other aid vehicles' plans being known."""
+        known = (*self.situation.companions, *companions)
+        return unusable(self.situation.cna, pose, auvs) or self._search(pose, auvs, known, time)
+
+    def _search(
+        self, pose: Pose, auvs: Sequence[Belief], companions: Sequence[Companion], time: float
+    ) -> Decision:
         cna = self.situation.cna
         covariance, process_noise = believed(auvs)
         if not np.isfinite(covariance).all():
@@ -113,7 +131,7 @@ class InformationHorizon:
         stages = schedule.stages(time, self.horizon, self.stages, len(auvs))
         state = np.array([pose.x, pose.y, pose.heading])
         turn_rates = self._candidates
-        limits = LimitsAhead(self.situation, auvs) if self.constraints else None
+        limits = LimitsAhead(self.situation, auvs, companions) if self.constraints else None
         best = search_manoeuvres(
             state,
             covariance,
@@ -132,6 +150,7 @@ class InformationHorizon:
             first_violation=None
             if limits is None
             else limits.first_move(state, turn_rates, cna.speed),
+            known=told(companions, auvs, time, stages, self.situation.current),
         )
         if not np.isfinite(best.objective):  # a current or a process noise is no number
             return straight_on(cna, pose, Status.INVALID_INPUT, len(auvs))
@@ -144,6 +163,13 @@ class InformationHorizon:
             score=best.objective,
             status=best.status,
             condition=nothing,
+            route=Turns(
+                pose,
+                tuple(best.x.tolist()),
+                cna.speed,
+                tuple(stages.duration.tolist()),
+                self.situation.current,
+            ),
         )
 
 

@@ -14,9 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from formulations.solution import Status
+from obsplan.planning.companion import Companion
 from obsplan.planning.expressions import ROUNDING
 from obsplan.planning.fallback import hold_turn, straight_on
-from obsplan.planning.interface import Planner
+from obsplan.planning.interface import Cooperates, Planner
 from obsplan.plugins import in_words
 from obsplan.types import Belief, Decision, ObsplanError, Pose
 from obsplan.vehicles import Unicycle
@@ -53,9 +54,17 @@ def blamed(planner: object, doing: str) -> Iterator[None]:
 
 
 def ask(
-    planner: Planner, pose: Pose, auvs: Sequence[Belief], *, time: float, cna: Unicycle
+    planner: Planner,
+    pose: Pose,
+    auvs: Sequence[Belief],
+    *,
+    time: float,
+    cna: Unicycle,
+    companions: Sequence[Companion] = (),
 ) -> Answer:
     """Call a planner, and make of its answer or failure what the vehicle flies.
+
+    One that cooperates is told of companions, if there are any.
 
     A failure over a pose or a belief that is not finite is not the planner's: the status then
     blames the input, and the vehicle goes straight on.
@@ -63,7 +72,10 @@ def ask(
     n_auvs = len(auvs)
     try:
         with np.errstate():  # which a planner may change for itself
-            given = planner.plan(pose, [*auvs], time=time)
+            if companions and isinstance(planner, Cooperates):
+                given = planner.plan_among(pose, [*auvs], companions, time=time)
+            else:
+                given = planner.plan(pose, [*auvs], time=time)
     except FAULTS as error:
         fault = in_words(error) + place(error, planner)
         return _substitute(Status.PLANNER_FAILED, fault, pose, auvs, cna)
@@ -95,13 +107,13 @@ def fitted(given: Any, cna: Unicycle, n_auvs: int) -> Answer | str:
     if speed > top * (1 + ROUNDING):
         wrong = wrong or f"speed is {speed:g} m/s, and the vehicle does {top:g} m/s"
         blame = decision.status if decision.status in BLAMES else Status.TOO_FAST
-        decision = replace(decision, speed=top, status=blame)
+        decision = replace(decision, speed=top, status=blame, route=None)
     limit = decision.speed / cna.min_turn_radius
     if abs(turn_rate) > limit * (1 + ROUNDING):
         turn = math.copysign(limit, turn_rate)
         # nothing that the planner itself says of its decision is hidden
         status = Status.CLIPPED if decision.status == Status.OPTIMAL else decision.status
-        decision = replace(decision, turn_rate=turn, status=status)
+        decision = replace(decision, turn_rate=turn, status=status, route=None)
     return Answer(decision, wrong)
 
 
@@ -118,6 +130,7 @@ def _plain(given: Decision) -> Decision:
         score=score,
         status=given.status,
         condition=given.condition,
+        route=given.route,
     )
 
 

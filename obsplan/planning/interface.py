@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from obsplan.constraints import Constraints
+from obsplan.planning.companion import Companion
 from obsplan.planning.expressions import Expression
 from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, ObsplanError, Pose
@@ -79,6 +80,22 @@ class KeepsLimits(Planner, Protocol):
 
 
 @runtime_checkable
+class Cooperates(Planner, Protocol):
+    """Counts on what ranges to other aid vehicles tell, and keeps its distance from them."""
+
+    def plan_among(
+        self,
+        pose: Pose,
+        auvs: Sequence[Belief],
+        companions: Sequence[Companion],
+        *,
+        time: float = 0.0,
+    ) -> Decision:
+        """As ``plan``, other aid vehicles' plans being known."""
+        ...
+
+
+@runtime_checkable
 class HasExpression(Planner, Protocol):
     """Decides by one CasADi expression, which the simulator folds into its step.
 
@@ -122,6 +139,7 @@ CAPABILITIES = {
     "for_mission": Draws,
     "prepare": Prepares,
     "constraints": KeepsLimits,
+    "plan_among": Cooperates,
     "expression": HasExpression,
     "commands": HasCommands,
     "condition_label": NamesCondition,

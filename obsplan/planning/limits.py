@@ -10,6 +10,7 @@ from jaxtyping import Float
 from formulations.beam_search.limits import Limits
 from formulations.solution import Status
 from obsplan.constraints import ROUNDING, first_move_violation
+from obsplan.planning.companion import Companion
 from obsplan.planning.fallback import predict_path
 from obsplan.planning.situation import Situation
 from obsplan.types import Belief, Decision, Pose
@@ -19,23 +20,31 @@ CANDIDATES = 21  # turns tried in place of one that breaks a limit
 
 
 class LimitsAhead:
-    """The limits from now on, the AUVs being where they are expected.
+    """The limits from now on, AUVs and other aid vehicles being where they are expected.
 
     What is asked about is in the water that carries the vehicle, as planners have it; limits are
     held against where that is over ground.
     """
 
-    def __init__(self, situation: Situation, auvs: Sequence[Belief]) -> None:
+    def __init__(
+        self, situation: Situation, auvs: Sequence[Belief], companions: Sequence[Companion] = ()
+    ) -> None:
         self.situation = situation
         self.auvs = auvs
-        self.margin = margins(auvs)
+        apart = situation.constraints.min_separation_cna > 0
+        self.aids = [one.route for one in companions if one.steered and apart]
+        self.margin = np.append(margins(auvs), np.zeros(len(self.aids)))
         self._times = np.empty(0)
-        self._positions = np.empty((0, len(auvs), 2))
+        self._positions = np.empty((0, self.margin.size, 2))
 
-    def expected(self, times: Float[np.ndarray, " T"]) -> Float[np.ndarray, "T M 2"]:
-        """Where AUVs are expected over ground [m] at times from now [s]."""
+    def expected(self, times: Float[np.ndarray, " T"]) -> Float[np.ndarray, "T N 2"]:
+        """Where AUVs, and then aid vehicles, are expected over ground [m] at times from now [s]."""
         tracks = positions_ahead(self.auvs, times).swapaxes(0, 1)
-        return self.situation.stream.over_ground(tracks, times).swapaxes(0, 1)
+        auvs = self.situation.stream.over_ground(tracks, times).swapaxes(0, 1)
+        if not self.aids:
+            return auvs
+        aids = np.stack([route(times) for route in self.aids], axis=1)
+        return np.concatenate([auvs, aids], axis=1)
 
     def along(
         self, positions: Float[np.ndarray, "*batch T 2"], times: Float[np.ndarray, " T"]
@@ -45,11 +54,13 @@ class LimitsAhead:
         if not np.array_equal(times, self._times):  # a search asks again and again for the same
             self._times, self._positions = times, self.expected(times)
         there = self.situation.stream.over_ground(positions, times)
-        return limits.violation(there, self._positions, self.margin)
+        return limits.violation(there, self._positions, self.margin, aids=len(self.aids))
 
-    def numbers(self) -> Limits:
-        """`along` as machine code asks it."""
+    def numbers(self) -> Limits | None:
+        """`along` as machine code asks it, which keeps no distance from aid vehicles: then None."""
         limits = self.situation.constraints
+        if self.aids:
+            return None
         return Limits(
             areas=self.situation.areas,
             min_separation=limits.min_separation,
@@ -77,6 +88,7 @@ class LimitsAhead:
             auvs=self.expected,
             margin=self.margin,
             stream=self.situation.stream,
+            aids=len(self.aids),
         )
 
 
@@ -112,6 +124,7 @@ def within_limits(
     pose: Pose,
     auvs: Sequence[Belief],
     situation: Situation,
+    companions: Sequence[Companion] = (),
 ) -> Decision:
     """Replace a manoeuvre that breaks a limit by the nearest turn that breaks none.
 
@@ -125,7 +138,8 @@ def within_limits(
     cna = situation.cna
     limit = wanted.speed / cna.min_turn_radius
     turn_rates = np.concatenate([[wanted.turn_rate], np.linspace(limit, -limit, CANDIDATES)])
-    limits = LimitsAhead(situation, [auv for auv in auvs if np.isfinite(auv.mean).all()])
+    known = [auv for auv in auvs if np.isfinite(auv.mean).all()]
+    limits = LimitsAhead(situation, known, companions)
     broken = np.maximum(limits.first_move(state, turn_rates, wanted.speed), 0.0)
     if broken[0] == 0:
         return wanted
@@ -136,4 +150,5 @@ def within_limits(
         turn_rate=turn_rate,
         predict=partial(predict_path, cna, pose, turn_rate, wanted.speed),
         status=status,
+        route=None,
     )

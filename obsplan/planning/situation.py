@@ -9,6 +9,7 @@ from formulations.model.ranging import Ranging
 from formulations.model.schedule import Schedule
 from obsplan.constraints import UNLIMITED, Constraints, Disc, Stream
 from obsplan.planning.checks import check_positive
+from obsplan.planning.companion import Companion
 from obsplan.planning.filed import Filed
 from obsplan.quantities import CURRENT
 from obsplan.vehicles import Unicycle
@@ -40,6 +41,8 @@ class Situation:
     slots: tuple[float, ...] = ()  # [s] after each interval's beginning, of each AUV; none: 0
     silent: tuple[tuple[float, float], ...] = ()  # from when to when [s] there are no ranges
     transducer_depth: float = 0.0  # of the aid vehicle [m]
+    ranged: bool = True  # whether AUVs range to the aid vehicle at all
+    companions: tuple[Companion, ...] = ()  # moored beacons that AUVs range to as well
     heading_sigma: float = math.radians(1.0)  # of a measured heading [rad]
     # of the water that carries the aid vehicle, east and north [m/s]; 0: it steers over ground
     current: tuple[float, float] = (0.0, 0.0)

@@ -1,28 +1,114 @@
 """Several aid vehicles: a planner for each, and their decisions."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
-from obsplan.types import Belief, Pose
+import numpy as np
+
+from obsplan.planning.answers import Answer
+from obsplan.planning.companion import Companion, Route, Turns
+from obsplan.planning.interface import Cooperates, Situated
+from obsplan.planning.situation import Situation
+from obsplan.types import Decision, Pose
+
+ROUNDS = 4  # at most, in which each member decides given the others
+
+Ask = Callable[[int, Sequence[Companion]], Answer]
 
 
 @dataclass(frozen=True)
 class Team:
-    """The planners of several aid vehicles, in the scenario's order."""
+    """The planners of several aid vehicles, in the scenario's order.
+
+    Where they are ``joint``, each decides in turn given the others' present plans, until none
+    changes or after `ROUNDS`. Those that have not decided yet are expected to hold their turn.
+    Planners that do not cooperate (`obsplan.planning.interface.Cooperates`) decide once, alone.
+    Where it is not joint all decide at the same time, each as if there were no other; the distance
+    to the others is kept, as they are expected to hold their turns.
+    """
 
     members: tuple[Any, ...]
+    joint: bool = True
 
     def decide(
         self,
         poses: Sequence[Pose],
-        auvs: Sequence[Belief],
-        ask: Callable[[int, Pose, Sequence[Belief]], Any],
-    ) -> list[Any]:
-        """What ``ask`` makes of each member's answer."""
-        return [ask(k, pose, auvs) for k, pose in enumerate(poses)]
+        speeds: Sequence[float],
+        situations: Sequence[Situation],
+        ask: Ask,
+    ) -> list[Answer]:
+        """What ``ask(member, companions)`` makes of each member's answer.
+
+        Poses have the turn rates, and speeds [m/s] are those, that are still held.
+        """
+        held: list[Route] = [
+            Turns(pose, (pose.turn_rate,), speed, current=situation.current)
+            for pose, speed, situation in zip(poses, speeds, situations, strict=True)
+        ]
+        if not self.joint:
+            return [ask(k, others(situations, held, k, told=False)) for k in range(len(poses))]
+        answers: list[Answer] = []
+        for k, pose in enumerate(poses):
+            answers.append(ask(k, others(situations, held, k)))
+            held[k] = route_of(answers[k].decision, pose, situations[k])
+        cooperating = [k for k, one in enumerate(self.members) if isinstance(one, Cooperates)]
+        for _ in range(ROUNDS - 1 if len(poses) > 1 else 0):
+            changed = False
+            for k in cooperating:
+                answer = ask(k, others(situations, held, k))
+                changed |= not same(answer.decision, answers[k].decision)
+                held[k] = route_of(answer.decision, poses[k], situations[k])
+                answers[k] = answer
+            if not changed:
+                break
+        return answers
+
+
+def others(
+    situations: Sequence[Situation], routes: Sequence[Route], own: int, *, told: bool = True
+) -> tuple[Companion, ...]:
+    """All aid vehicles but one, as companions; unless it is told, AUVs range to none of them."""
+    return tuple(
+        Companion(
+            route=route,
+            ranging=situation.ranging if told and situation.ranged else None,
+            schedule=situation.schedule,
+            depth=situation.transducer_depth,
+            steered=True,
+        )
+        for k, (situation, route) in enumerate(zip(situations, routes, strict=True))
+        if k != own
+    )
+
+
+def route_of(decision: Decision, pose: Pose, situation: Situation) -> Route:
+    """Where a decision takes the vehicle: the planner's route, or the turn held on."""
+    turn, current = (decision.turn_rate,), situation.current
+    return decision.route or Turns(pose, turn, decision.speed, current=current)
+
+
+def same(one: Decision, other: Decision) -> bool:
+    """Whether two decisions plan the same."""
+    return (one.turn_rate, one.speed) == (other.turn_rate, other.speed) and np.array_equal(
+        one.path, other.path, equal_nan=True
+    )
 
 
 def members_of(planner: Any) -> tuple[Any, ...]:
     """The planners of a team, or the one."""
     return planner.members if isinstance(planner, Team) else (planner,)
+
+
+def team_of(planner: Any, situations: Sequence[Situation], *, joint: bool = True) -> Any:
+    """A planner for each of several aid vehicles: one of its kind, told of the vehicle's situation.
+
+    An object without a situation of its own steers all of them. A single vehicle's, or a team,
+    stays as it is.
+    """
+    if len(situations) == 1 or isinstance(planner, Team):
+        return planner
+    told = is_dataclass(planner) and "situation" in {field.name for field in fields(planner)}
+    if not (told and isinstance(planner, Situated)):
+        return Team((planner,) * len(situations), joint)
+    return Team(tuple(replace(planner, situation=one) for one in situations), joint)

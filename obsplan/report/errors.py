@@ -205,7 +205,7 @@ def _draw_separation(axes: Axes, run: Run, time: Float[np.ndarray, " n"]) -> Non
     for i in range(len(run.names)):
         _line(axes, time, run.separation[i], color=colour(i), lw=0.8)
     for limit in run.limits:
-        if limit.auv is not None and limit.broken.any():
+        if limit.auv is not None and limit.aid == 0 and limit.broken.any():
             outside = np.where(limit.broken, run.separation[limit.auv], np.nan)
             axes.plot(time, outside, color=BROKEN, lw=3.0, alpha=0.7, zorder=1.5)
     for distance in _drawn_limits(run).values():

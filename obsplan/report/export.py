@@ -14,6 +14,7 @@ from obsplan.missions import Area, Mission, Track, to_geographic
 from obsplan.missions.export import Simplified, simplify
 from obsplan.missions.flown_path import Allowance
 from obsplan.planners import name_of
+from obsplan.planning.team import Team, members_of
 from obsplan.run import Run
 from obsplan.scenario import Scenario
 from obsplan.simulation.autopilot import Autopilot, FixedPath, in_wider_turns
@@ -50,27 +51,39 @@ class Costs:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Export:
-    """The mission made of a run's path, in local metres, and what is known of it."""
+    """The mission made of an aid vehicle's path, in local metres, and what is known of it."""
 
     scenario: Scenario
     planner: str
+    aid: int  # number of the aid vehicle
+    name: str  # of the aid vehicle
     simplified: Simplified
     widening: float  # how far wider turns moved the path [m]
     violation: float  # how far its legs break the fixed limits [m]; at most 0 where they keep them
-    costs: Costs | None
+    costs: Costs | None  # of all aid vehicles sailing so
+
+    @property
+    def cna(self) -> Unicycle:
+        """The aid vehicle as planned."""
+        return self.scenario.aids[self.aid]
+
+    @property
+    def stem(self) -> str:
+        """What its files are called, before the format."""
+        return "path" if len(self.scenario.aids) == 1 else f"path-{self.name}"
 
     @property
     def mission(self) -> Mission:
         """The mission with its limits, in degrees; home is where the vehicle started."""
         origin = self.scenario.table.origin
         local = Mission(
-            tracks={"cna": self.simplified.track},
+            tracks={self.name: self.simplified.track},
             geographic=False,
             keep_outs=tuple(map(area_of, self.scenario.constraints.keep_out)),
             geofences=tuple(map(area_of, fences(self.scenario.constraints))),
         )
         mission = to_geographic(local, (origin.lat, origin.lon))
-        lat, lon = mission.tracks["cna"].points[0].tolist()
+        lat, lon = mission.tracks[self.name].points[0].tolist()
         return replace(mission, home=(lat, lon))
 
     def summary(self) -> dict[str, Any]:
@@ -98,7 +111,12 @@ def _known(values: dict[str, float]) -> dict[str, float | None]:
 
 
 def make_export(run: Run, *, progress: Progress | None = None) -> Export:
-    """Simplify a run's path as its scenario's ``[export]`` says, and sail it under other noise.
+    """The (first) aid vehicle's of `make_exports`."""
+    return make_exports(run, progress=progress)[0]
+
+
+def make_exports(run: Run, *, progress: Progress | None = None) -> tuple[Export, ...]:
+    """Simplify aid vehicles' paths as the scenario's ``[export]`` says; sail them in other noise.
 
     Parameters
     ----------
@@ -106,32 +124,46 @@ def make_export(run: Run, *, progress: Progress | None = None) -> Export:
         Called with (flights done, flights in all).
     """
     table, limits = run.scenario.table.export, run.scenario.constraints
-    cna = _loaded_vehicle(run.scenario)
-    simplified, widening = _simplified(run, cna)
-    return Export(
-        scenario=run.scenario,
-        planner=run.planner,
-        simplified=simplified,
-        widening=widening,
-        violation=leg_violation(simplified.track.points, limits),
-        costs=judge(run, simplified.track, cna, progress) if table.replays else None,
+    cnas = [_loaded_vehicle(run.scenario, planned) for planned in run.scenario.aids]
+    made = [_simplified(run, aid, cna) for aid, cna in enumerate(cnas)]
+    tracks = [simplified.track for simplified, _ in made]
+    costs = judge(run, tracks, cnas, progress) if table.replays else None
+    return tuple(
+        Export(
+            scenario=run.scenario,
+            planner=run.planner,
+            aid=aid,
+            name=run.aid_names[aid],
+            simplified=simplified,
+            widening=widening,
+            violation=leg_violation(simplified.track.points, limits),
+            costs=costs,
+        )
+        for aid, (simplified, widening) in enumerate(made)
     )
 
 
-def _loaded_vehicle(scenario: Scenario) -> Unicycle:
+def summaries(exports: Sequence[Export]) -> dict[str, Any]:
+    """Figures of merit of the one aid vehicle's mission, or of each by its name."""
+    if len(exports) == 1:
+        return exports[0].summary()
+    return {export.name: export.summary() for export in exports}
+
+
+def _loaded_vehicle(scenario: Scenario, cna: Unicycle) -> Unicycle:
     """The vehicle that a mission is loaded into, which may turn wider than the planned one."""
-    cna, radius = scenario.cna, scenario.table.export.min_turn_radius
+    radius = scenario.table.export.min_turn_radius
     return cna if radius is None else Unicycle(speed=cna.speed, min_turn_radius=radius)
 
 
-def _simplified(run: Run, cna: Unicycle) -> tuple[Simplified, float]:
+def _simplified(run: Run, aid: int, cna: Unicycle) -> tuple[Simplified, float]:
     """The mission, and how far [m] wider turns moved the path before."""
     table = run.scenario.table.export
-    flown, sagitta = flown_track(run, SAGITTA * table.tolerance)
+    flown, sagitta = flown_track(run, SAGITTA * table.tolerance, aid)
     widening = 0.0
-    if cna.min_turn_radius > run.scenario.cna.min_turn_radius:
+    if cna.min_turn_radius > run.scenario.aids[aid].min_turn_radius:
         step = float(run.time[-1]) / (len(flown.points) - 1)
-        wider = in_wider_turns(flown.points, start_of(run), cna, step)
+        wider = in_wider_turns(flown.points, start_of(run, aid), cna, step)
         widening = float(np.hypot(*(wider - flown.points).T).max())
         flown = replace(flown, points=wider)
     allowance = Allowance(
@@ -145,38 +177,45 @@ def _simplified(run: Run, cna: Unicycle) -> tuple[Simplified, float]:
     return replace(simplified, deviation=simplified.deviation + sagitta), widening
 
 
-def start_of(run: Run) -> Pose:
-    """Where the aid vehicle started."""
-    return Pose(*run.cna[0].tolist())
+def start_of(run: Run, aid: int = 0) -> Pose:
+    """Where an aid vehicle started."""
+    return Pose(*run.aids[aid].pose[0].tolist())
 
 
-def flown_track(run: Run, sagitta: float) -> tuple[Track, float]:
-    """The aid vehicle's path with its times, and how near [m] the line through it is.
+def flown_track(run: Run, sagitta: float, aid: int = 0) -> tuple[Track, float]:
+    """An aid vehicle's path with its times, and how near [m] the line through it is.
 
     It is sampled so densely that the sagitta is kept: between two samples the vehicle is on an
     arc.
     """
-    step, turn_rate, speed = run.scenario.table.time_step, run.turn_rate[:-1], run.speed[:-1]
+    own = run.aids[aid]
+    step, turn_rate, speed = run.scenario.table.time_step, own.turn_rate[:-1], own.speed[:-1]
     bulge = float(np.max(abs(turn_rate) * speed, initial=0.0)) * step**2 / 8
     parts = max(1, int(np.ceil(np.sqrt(bulge / sagitta))))
     since = step * np.arange(parts) / parts
-    points = arcs(run.cna[:-1], turn_rate, speed, since)[..., :2].reshape(-1, 2)
+    points = arcs(own.pose[:-1], turn_rate, speed, since)[..., :2].reshape(-1, 2)
     time = (run.time[:-1, None] + since).ravel()
-    to_the_end = np.vstack([points, run.cna[-1:, :2]])
+    to_the_end = np.vstack([points, own.pose[-1:, :2]])
     track = Track(points=to_the_end, time=np.append(time, run.time[-1]))
     return track, bulge / parts**2
 
 
-def judge(run: Run, track: Track, cna: Unicycle, progress: Progress | None = None) -> Costs:
-    """Sail a mission as loaded, on time and late, and the path as flown, under other noise."""
+def judge(
+    run: Run,
+    tracks: Sequence[Track],
+    cnas: Sequence[Unicycle],
+    progress: Progress | None = None,
+) -> Costs:
+    """Sail missions as loaded, on time and late, and the paths as flown, under other noise."""
     seeds = tuple(run.seed + 1 + n for n in range(run.scenario.table.export.replays))
     reacting = _quick_planner(run)
     late = [seconds for seconds in (0.0, *LATE) if seconds < run.time[-1]]
     flights = len(seeds) * (1 + len(late) + (reacting is not None))
     error, violation = {CLOSED_LOOP: run.rms_error}, {}
     done = 0
-    for way, loop in _ways(run, track, cna, late, reacting):
-        start = None if way == CLOSED_LOOP else start_of(run)
+    starts = [start_of(run, aid) for aid in range(len(cnas))]
+    for way, loop in _ways(run, tracks, cnas, late, reacting):
+        start = None if way == CLOSED_LOOP else starts
         outcomes = []
         for seed in seeds:
             outcomes.append(_outcome(loop, seed, start))
@@ -195,30 +234,37 @@ def judge(run: Run, track: Track, cna: Unicycle, progress: Progress | None = Non
     )
 
 
-def _outcome(loop: ClosedLoop, seed: int, start: Pose | None) -> tuple[float, float]:
+def _outcome(loop: ClosedLoop, seed: int, start: list[Pose] | None) -> tuple[float, float]:
     """RMS error and violation [m] of a flight, whose recording is not kept: many are flown."""
     flown = loop.fly(seed, start=start, covariances=False)
     return flown.rms_error, float(flown.violation.max())
 
 
 def _ways(
-    run: Run, track: Track, cna: Unicycle, late: Sequence[float], reacting: ClosedLoop | None
+    run: Run,
+    tracks: Sequence[Track],
+    cnas: Sequence[Unicycle],
+    late: Sequence[float],
+    reacting: ClosedLoop | None,
 ) -> Iterator[tuple[str, ClosedLoop]]:
-    """The path as flown, the mission as loaded and so late [s], and the planner on board."""
+    """The paths as flown, the missions as loaded and so late [s], and the planner on board."""
     step, steps = run.scenario.table.time_step, run.time.size - 1
 
-    def fixed(commands: Float[np.ndarray, "steps 2"]) -> ClosedLoop:
+    def fixed(commands: Sequence[Float[np.ndarray, "steps 2"]]) -> ClosedLoop:
+        paths = tuple(FixedPath(commands=one, time_step=step) for one in commands)
         return ClosedLoop(
-            scenario=run.scenario, planner=FixedPath(commands=commands, time_step=step)
+            scenario=run.scenario, planner=paths[0] if len(paths) == 1 else Team(paths)
         )
 
-    yield FLOWN, fixed(np.column_stack([run.turn_rate[:-1], run.speed[:-1]]))
-    autopilot = Autopilot(cna=cna, acceptance=run.scenario.table.export.min_spacing)
+    yield FLOWN, fixed([np.column_stack([a.turn_rate[:-1], a.speed[:-1]]) for a in run.aids])
+    acceptance = run.scenario.table.export.min_spacing
     for seconds in late:
         way = late_by(seconds) if seconds else ON_TIME
-        commands = autopilot.commands(
-            track, start_of(run), time_step=step, steps=steps, late=seconds
-        )
+        commands = []
+        for aid, (track, cna) in enumerate(zip(tracks, cnas, strict=True)):
+            autopilot, start = Autopilot(cna=cna, acceptance=acceptance), start_of(run, aid)
+            own = autopilot.commands(track, start, time_step=step, steps=steps, late=seconds)
+            commands.append(own)
         yield way, fixed(commands)
     if reacting:
         yield CLOSED_LOOP, reacting
@@ -226,9 +272,10 @@ def _ways(
 
 def _quick_planner(run: Run) -> ClosedLoop | None:
     """The run's own planner, where flying it takes no longer than a fixed path."""
-    planner = run.scenario.planner()
-    if name_of(planner) != run.planner or folded(run.scenario, planner) is None:
-        return None
+    planner = run.scenario.team()
+    for member in members_of(planner):
+        if name_of(member) != run.planner or folded(run.scenario, member) is None:
+            return None
     return ClosedLoop(scenario=run.scenario, planner=planner)
 
 

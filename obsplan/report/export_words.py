@@ -1,5 +1,7 @@
 """What was written for the vehicle, and what it costs to load it, in words."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from obsplan.report.export import (
@@ -16,6 +18,17 @@ from obsplan.report.words import metres
 LARGE = 0.1  # share by which an error is larger than that of the path as flown
 SEEN = 0.01  # [m] of a violation
 WITHOUT_LIMITS = {"waypoints", "gpx", "csv"}  # formats that hold no areas
+
+
+def exports_sentences(exports: Sequence[Export]) -> list[str]:
+    """`export_sentences` of all aid vehicles; what their paths cost together is said once."""
+    if len(exports) == 1:
+        return export_sentences(exports[0])
+    said = []
+    for export in exports:
+        own = [_mission(export), _limits(export)]
+        said += [f"{export.name}: {sentence}" for sentence in own if sentence]
+    return [*said, _policy(exports[0])]
 
 
 def export_sentences(export: Export) -> list[str]:
@@ -36,7 +49,7 @@ def _mission(export: Export) -> str:
         least = f"{table.max_items} items and no leg under {table.min_spacing:g} m"
         parts.append(f"with at most {least} it cannot be within the {asked} that [export] asks for")
     if export.widening:
-        own = export.scenario.cna.min_turn_radius
+        own = export.cna.min_turn_radius
         turns = f"turns of {table.min_turn_radius:g} m instead of {own:g} m"
         parts.append(f"{turns} had moved it by up to {metres(export.widening)} before")
     return f"{'; '.join(parts)}."
@@ -65,11 +78,17 @@ def _limits(export: Export) -> str:
     limits = export.scenario.constraints
     said = []
     if limits.keep_out or limits.geofence:
-        without = [f"path.{n}" for n in export.scenario.table.export.formats if n in WITHOUT_LIMITS]
+        without = [
+            f"{export.stem}.{n}"
+            for n in export.scenario.table.export.formats
+            if n in WITHOUT_LIMITS
+        ]
         if without:
             said.append(f"keep-outs and geofence are not in {', '.join(without)}")
     if limits.min_separation > 0 or np.isfinite(limits.max_separation):
         said.append("no file holds the separations from the AUVs, and no autopilot keeps them")
+    if limits.min_separation_cna > 0:
+        said.append("no file holds the distance between aid vehicles, and no autopilot keeps it")
     if export.violation > SEEN:
         said.append(f"a leg breaks the fixed limits by {metres(export.violation)}")
     text = "; ".join(said)
@@ -81,11 +100,12 @@ def _policy(export: Export) -> str:
     costs = export.costs
     if costs is None:
         return "What the path costs under other noise was not asked for (export.replays = 0)."
+    gives = "this one gives" if len(export.scenario.aids) == 1 else "these give"
     late = {late_by(s): f"{s:.0f} s late" for s in LATE if late_by(s) in costs.rms_error}
     as_flown = f"the path as flown {_metres(costs.rms_error[FLOWN])}"
     told = [
         (
-            f"sailed as loaded under the noise of {_seeds(costs.seeds)}, this one gives "
+            f"sailed as loaded under the noise of {_seeds(costs.seeds)}, {gives} "
             f"{_metres(costs.rms_error[ON_TIME])} RMS in the median{_broken(costs, ON_TIME)} "
             f"({as_flown})"
         ),

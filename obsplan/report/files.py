@@ -20,7 +20,7 @@ from obsplan.files import write_atomically
 from obsplan.planners import name_of
 from obsplan.recording import write_netcdf
 from obsplan.report.comparison import Rows, compare_figure
-from obsplan.report.export import Export, make_export
+from obsplan.report.export import Export, make_exports, summaries
 from obsplan.report.path_files import write_paths
 from obsplan.run import Run
 from obsplan.spelling import inert
@@ -95,7 +95,7 @@ class FolderExistsError(ObsplanError):
     """A folder of that name exists."""
 
 
-def write_run(run: Run, folder: Path | str, export: Export | None = None) -> None:
+def write_run(run: Run, folder: Path | str, exports: Sequence[Export] = ()) -> None:
     """Write all files of a run into a new folder.
 
     They are its scenario, recording, tracks, paths for vehicles, figures and figures of merit.
@@ -105,8 +105,8 @@ def write_run(run: Run, folder: Path | str, export: Export | None = None) -> Non
 
     Parameters
     ----------
-    export
-        The mission made of the run, if it has been made already (`make_export`).
+    exports
+        The missions made of the run, if they have been made already (`make_exports`).
 
     Raises
     ------
@@ -117,13 +117,16 @@ def write_run(run: Run, folder: Path | str, export: Export | None = None) -> Non
     from obsplan.report.map import map_figure
     from obsplan.report.style import png
 
-    export = export or make_export(run)
-    summary = run.summary() | {"export": export.summary()}
+    exports = exports or make_exports(run)
+    summary = run.summary() | {"export": summaries(exports)}
     with new_folder(Path(folder)) as made:
         write_atomically(made / "scenario.toml", scenario_toml(run))
         write_netcdf(run, made / "tracks.nc")
         write_atomically(made / "tracks.csv", tracks_csv(run))
-        write_paths(run, export, made)
+        if run.others:
+            write_atomically(made / "aids.csv", aids_csv(run))
+        for export in exports:
+            write_paths(run, export, made)
         write_atomically(made / "map.png", png(partial(map_figure, run)))
         write_atomically(made / "errors.png", png(partial(errors_figure, run)))
         write_atomically(made / "summary.json", as_json(summary))
@@ -276,6 +279,22 @@ def tracks_csv(run: Run) -> Iterator[str]:
     yield table_csv([TRACK_COLUMNS])
     for begin in range(0, run.time.size, BLOCK):
         yield table_csv(_track_rows(run, slice(begin, begin + BLOCK)))
+
+
+AID_COLUMNS = ("time_s", "cna", "x_m", "y_m", "heading_rad", "turn_rate_radps", "speed_mps")
+
+
+def aids_csv(run: Run) -> Iterator[str]:
+    """Several aid vehicles as a table, one row per time and vehicle, in pieces."""
+    yield table_csv([AID_COLUMNS])
+    for begin in range(0, run.time.size, BLOCK):
+        some = slice(begin, begin + BLOCK)
+        per_aid = []
+        for name, aid in zip(run.aid_names, run.aids, strict=True):
+            time = rounded(run.time[some])
+            figures = (*aid.pose[some].T, aid.turn_rate[some], aid.speed[some])
+            per_aid.append(zip(time, [name] * len(time), *map(rounded, figures), strict=True))
+        yield table_csv(row for at_once in zip(*per_aid, strict=True) for row in at_once)
 
 
 def _track_rows(run: Run, some: slice) -> Iterator[tuple[str, ...]]:

@@ -17,7 +17,7 @@ from obsplan.report.marks import Label, draw_labels, mark_label, marked_instants
 from obsplan.report.style import AID, BROKEN, FAINT, colour, dark, named, styled
 from obsplan.report.surround import draw_bar_and_north, draw_heading, draw_notes, fit_figure
 from obsplan.report.words import after, capital, clock, limit_name, metres, title
-from obsplan.run import Run
+from obsplan.run import AidTrack, Run
 
 PROBABILITY = 0.95
 # of the ellipse in standard deviations: chi-square with 2 degrees
@@ -34,6 +34,7 @@ MARGIN = 0.7  # left and below, for the axes' labels [inch]
 BAND = 0.35  # opacity of a true track
 _START: dict[str, Any] = {"marker": "o", "ms": 5, "mfc": "white", "mew": 1.5, "ls": ""}
 _AID_START: dict[str, Any] = {"marker": "o", "ms": 7, "mfc": "white", "mec": AID, "mew": 1.6}
+_MOORED: dict[str, Any] = {"marker": "^", "ms": 7, "mfc": "white", "mec": AID, "ls": ""}
 _TIME: dict[str, Any] = {"marker": "o", "ms": 5, "mec": "white", "mew": 0.7, "ls": ""}
 _PING: dict[str, Any] = {"marker": "o", "ms": 2.4, "mfc": "white", "mew": 0.6, "ls": ""}
 _ARROW: dict[str, Any] = {"ms": 7, "mfc": AID, "mec": "white", "mew": 0.4, "ls": ""}
@@ -55,7 +56,8 @@ def map_figure(run: Run) -> Figure:
         _draw_auv(axes, run, i, smallest=SMALLEST * float(width))
     _draw_aid(axes, run)
     _draw_pings(axes, run)
-    tracks = [run.cna[:, :2], *run.truth[..., :2]]
+    _draw_moored(axes, run)
+    tracks = [*aid_tracks(run), *run.truth[..., :2]]
     draw_labels(axes, _draw_marks(axes, run), tracks, inch=inch)
     origin = run.scenario.table.origin
     axes.set_xlabel(f"East of {degrees(origin.lon, 'E', 'W')} [m]")
@@ -107,8 +109,8 @@ def extent(run: Run) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]:
     It holds all true tracks and surveys; estimates, ellipses and limits too, unless one of them
     would make the map more than twice as large.
     """
-    tracks = [run.cna[:, :2], *run.truth[..., :2], *(r.polyline for r in run.scenario.references)]
-    points = np.concatenate(tracks)
+    plans = [reference.polyline for reference in run.scenario.references]
+    points = np.concatenate([*aid_tracks(run), *run.truth[..., :2], *plans])
     low, high = points.min(axis=0), points.max(axis=0)
     side = max(float((high - low).max()), 1.0)
     for _, other in _companions(run):
@@ -117,6 +119,17 @@ def extent(run: Run) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]:
     flattest = 0.25 * (high - low).max()  # a map is not a line
     spare = np.maximum(flattest - (high - low), 0.0) / 2
     return low - spare - margin, high + spare + margin
+
+
+def aid_tracks(run: Run) -> list[Float[np.ndarray, "samples 2"]]:
+    """Positions of all aid vehicles."""
+    return [aid.pose[:, :2] for aid in run.aids]
+
+
+def moored_places(run: Run) -> Float[np.ndarray, "beacons 2"]:
+    """Where moored beacons are."""
+    places = [beacon.place for beacon in run.scenario.beacons if beacon.carrier is None]
+    return np.array(places, dtype=float).reshape(-1, 2)
 
 
 def off_the_map(run: Run, low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"]) -> list[str]:
@@ -131,6 +144,8 @@ def off_the_map(run: Run, low: Float[np.ndarray, " 2"], high: Float[np.ndarray, 
 
 def _companions(run: Run) -> Iterator[tuple[str, Float[np.ndarray, "_ 2"]]]:
     """What is on the map beside the tracks, with its outline [m], the most wanted first."""
+    if len(moored_places(run)):
+        yield "moored beacons", moored_places(run)
     limits = run.scenario.constraints
     for k, area in enumerate(limits.keep_out, start=1):
         yield f"keep-out {k}", boundary(area)
@@ -211,29 +226,41 @@ def _draw_auv(axes: Axes, run: Run, i: int, *, smallest: float) -> None:
     axes.add_collection(drawn, autolim=False)
 
 
+def _draw_moored(axes: Axes, run: Run) -> None:
+    """Beacons that stay where they are."""
+    places = moored_places(run)
+    if len(places):
+        axes.plot(*places.T, **_MOORED, zorder=8)
+
+
 def _draw_aid(axes: Axes, run: Run) -> None:
-    path = run.cna[_every(run), :2]
+    for aid in run.aids:
+        _draw_one_aid(axes, run, aid)
+
+
+def _draw_one_aid(axes: Axes, run: Run, aid: AidTrack) -> None:
+    path = aid.pose[_every(run), :2]
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
     winding = length[-1] > WINDING * np.ptp(path, axis=0).max()
     line: dict[str, Any] = {"lw": 0.3, "alpha": 0.6} if winding else {"lw": 0.8, "alpha": 0.75}
     axes.plot(*path.T, color=AID, **line, zorder=1.5 if winding else 4)
     if length[-1] > 0:
-        _draw_course(axes, run)
+        _draw_course(axes, run, aid)
         axes.plot(*path[-1], marker="s", ms=6, mfc=AID, mec="white", ls="", zorder=9.5)
     axes.plot(*path[0], **_AID_START, ls="", zorder=8)
 
 
-def _draw_course(axes: Axes, run: Run) -> None:
+def _draw_course(axes: Axes, run: Run, aid: AidTrack) -> None:
     """Arrows along the aid vehicle's path, halfway between the time marks."""
     marks = np.concatenate([[0], marked_instants(run.time), [run.time.size - 1]])
     for k in (marks[1:] + marks[:-1]) // 2:
-        pointed = (3, 0, np.rad2deg(run.cna[k, 2]) - 90.0)
-        axes.plot(*run.cna[k, :2], marker=pointed, **_ARROW, zorder=7)
+        pointed = (3, 0, np.rad2deg(aid.pose[k, 2]) - 90.0)
+        axes.plot(*aid.pose[k, :2], marker=pointed, **_ARROW, zorder=7)
 
 
-def _pinged(run: Run, i: int) -> Integer[np.ndarray, " pings"]:
-    """Samples at which an AUV's ranges are marked."""
-    pings = np.flatnonzero(np.isfinite(run.range[i]))
+def _pinged(run: Run, b: int, i: int) -> Integer[np.ndarray, " pings"]:
+    """Samples at which an AUV's ranges to a beacon are marked."""
+    pings = np.flatnonzero(np.isfinite(run.ranges[b, i]))
     return pings[:: _every_ping(pings.size)]
 
 
@@ -250,24 +277,28 @@ def _every_ping(pings: int) -> int:
 
 def _draw_pings(axes: Axes, run: Run) -> None:
     """Ticks where ranges were taken, on both ends of them."""
-    pinged = [_pinged(run, i) for i in range(len(run.names))]
-    for i, samples in enumerate(pinged):
-        x, y = run.truth[i, samples, :2].T
-        axes.plot(x, y, **_PING, mec=colour(i), zorder=5.5)
-    x, y = run.cna[np.unique(np.concatenate(pinged)), :2].T
-    axes.plot(x, y, **_PING, mec=AID, zorder=5.5)
+    for b, place in enumerate(run.beacon_places):
+        pinged = [_pinged(run, b, i) for i in range(len(run.names))]
+        for i, samples in enumerate(pinged):
+            x, y = run.truth[i, samples, :2].T
+            axes.plot(x, y, **_PING, mec=colour(i), zorder=5.5)
+        if run.scenario.beacons[b].carrier is not None:
+            x, y = place[np.unique(np.concatenate(pinged))].T
+            axes.plot(x, y, **_PING, mec=AID, zorder=5.5)
 
 
 def _draw_marks(axes: Axes, run: Run) -> list[Label]:
     """Mark the same instants on all tracks; returns their labels and the AUVs' names."""
     longest = float(run.time[-1])
     still = STILL * float(np.hypot(np.diff(axes.get_xlim()), np.diff(axes.get_ylim()))[0])
-    tracks = [("", AID, run.cna[:, :2])]
-    tracks += [(name, colour(i), run.truth[i, :, :2]) for i, name in enumerate(run.names)]
+    aids = zip(run.aid_names if run.others else [""], aid_tracks(run), strict=True)
+    auvs = run.names if len(run.names) > 1 else [""]
+    tracks = [(name, AID, track) for name, track in aids]
+    tracks += [(name, colour(i), run.truth[i, :, :2]) for i, name in enumerate(auvs)]
     labels = [
         Label(text=name, at=track[0], colour=dark(paint), bold=True)
-        for name, paint, track in tracks[1:]
-        if len(run.names) > 1
+        for name, paint, track in tracks
+        if name
     ]
     for _, paint, track in tracks:
         last = track[0]
@@ -288,7 +319,7 @@ def _every(run: Run) -> slice:
 
 def _legend(run: Run) -> list[Line2D | Patch]:
     one = colour(0) if len(run.names) == 1 else FAINT
-    moves = bool((run.cna[:, :2] != run.cna[0, :2]).any())
+    moves = any(bool((track != track[0]).any()) for track in aid_tracks(run))
     ellipse = f"{100 * PROBABILITY:.0f} % ellipse"
     handles: list[Line2D | Patch] = []
     if len(run.names) > 1:
@@ -310,6 +341,8 @@ def _legend(run: Run) -> list[Line2D | Patch]:
             Line2D([], [], **course, marker=(3, 0, -90), ms=7, label="aid vehicle, course"),
             Line2D([], [], **course, marker="s", ms=6, label="aid vehicle, end"),
         ]
+    if len(moored_places(run)):
+        handles.append(Line2D([], [], **_MOORED, label="moored beacon"))
     handles.append(Line2D([], [], **_TIME, mfc=AID, label=marks_in_words(run.time)))
     handles.append(Line2D([], [], **_PING, mec=AID, label=_pings_in_words(run)))
     return handles

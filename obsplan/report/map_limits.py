@@ -93,7 +93,8 @@ def _middle(area: Disc | Polygon) -> tuple[float, float]:
 
 def _draw_ring(axes: Axes, run: Run, limit: LimitHistory) -> None:
     """The circle of a separation, and a line from its AUV to the aid vehicle."""
-    line = np.stack([run.truth[limit.auv, limit.worst, :2], run.cna[limit.worst, :2]])
+    aid = run.aids[limit.aid].pose
+    line = np.stack([run.truth[limit.auv, limit.worst, :2], aid[limit.worst, :2]])
     axes.plot(*ring(run, limit).T, **_RING, zorder=6)
     axes.plot(*line.T, color=LIMIT, lw=0.7, marker="x", ms=5, zorder=6)
 
@@ -110,17 +111,20 @@ def _ring_in_words(run: Run, limit: LimitHistory) -> str:
 
 
 def _draw_breaches(axes: Axes, run: Run) -> bool:
-    """Broaden the aid vehicle's path where it breaks a limit; whether it does."""
-    broken = np.zeros(run.time.size, dtype=bool)
-    for limit in run.limits:
-        broken |= limit.broken
-    if not broken.any():
-        return False
-    pieces = stretches(run.cna[:, :2], broken)
-    axes.add_collection(
-        LineCollection(pieces, **_BROKEN, zorder=3.5, capstyle="round"), autolim=False
-    )
-    return True
+    """Broaden the aid vehicles' paths where they break a limit; whether one does."""
+    any_broken = False
+    for k, aid in enumerate(run.aids):
+        broken = np.zeros(run.time.size, dtype=bool)
+        for limit in run.limits:
+            if limit.aid == k:
+                broken |= limit.broken
+        if not broken.any():
+            continue
+        any_broken = True
+        pieces = stretches(aid.pose[:, :2], broken)
+        lines = LineCollection(pieces, **_BROKEN, zorder=3.5, capstyle="round")
+        axes.add_collection(lines, autolim=False)
+    return any_broken
 
 
 def stretches(

@@ -25,9 +25,9 @@ from obsplan.run import Run
 def write_paths(run: Run, export: Export, folder: Path) -> list[str]:
     """Write the mission in every format of ``export.formats``; returns the names of the files.
 
-    They are ``path.waypoints`` and so on.
+    They are ``path.waypoints`` and so on; of several aid vehicles ``path-cna-1.waypoints``.
 
-    ``path.geojson`` is for maps: it holds the path as it was flown and every AUV's tracks, too.
+    ``path.geojson`` is for maps: it holds the paths as flown and every AUV's tracks, too.
 
     Raises
     ------
@@ -45,26 +45,33 @@ def write_paths(run: Run, export: Export, folder: Path) -> list[str]:
         "csv": partial(write_csv, mission=mission, origin=place),
         "bhv": partial(write_moos, mission=mission, origin=place, capture=table.min_spacing),
     }
-    names = [f"path.{name}" for name in dict.fromkeys(table.formats)]
-    for name in names:
-        writers[name.removeprefix("path.")](folder / name)
-    return names
+    names = path_names(export)
+    for name, path in names.items():
+        writers[name](folder / path)
+    return [*names.values()]
+
+
+def path_names(export: Export) -> dict[str, str]:
+    """Names of the files by their formats."""
+    formats = dict.fromkeys(export.scenario.table.export.formats)
+    return {name: f"{export.stem}.{name}" for name in formats}
 
 
 def map_mission(run: Run, mission: Mission) -> Mission:
-    """The aid vehicle's path as flown, each AUV's tracks, and the mission's limits.
+    """The aid vehicles' paths as flown, each AUV's tracks, and the mission's limits.
 
-    They are named "cna", "NAME-truth" and "NAME-estimate". A vehicle that never moves has one
-    point; an estimate that is no number has none.
+    They are named "cna", or "cna-1" and so on, "NAME-truth" and "NAME-estimate". A
+    vehicle that never moves has one point; an estimate that is no number has none.
     """
-    places = {"cna": run.cna[:, :2]}
+    aids = dict(zip(run.aid_names, run.aids, strict=True))
+    places = {name: aid.pose[:, :2] for name, aid in aids.items()}
     for i, name in enumerate(run.names):
         places |= {f"{name}-truth": run.truth[i, :, :2], f"{name}-estimate": run.mean[i, :, :2]}
     tracks = {name: _track(run, xy) for name, xy in places.items()}
-    if len(tracks["cna"].points) > 1:
-        tracks["cna"] = Track(
-            points=tracks["cna"].points, time=tracks["cna"].time, speed=run.speed[:-1]
-        )
+    for name, aid in aids.items():
+        track = tracks[name]
+        if len(track.points) > 1:
+            tracks[name] = Track(points=track.points, time=track.time, speed=aid.speed[:-1])
     return Mission(
         tracks=tracks,
         geographic=True,

@@ -59,20 +59,21 @@ def limit_notes(run: Run) -> list[str]:
     spare = metres(max(-float(nearest.violation.max()), 0.0))
     return [
         f"No limit was broken; the closest was {limit_name(nearest)}, "
-        f"with {spare} to spare {_place(run, nearest.worst)}."
+        f"with {spare} to spare {_place(run, nearest)}."
     ]
 
 
 def _breach(run: Run, limit: LimitHistory) -> str:
     most, step = metres(float(limit.violation.max())), run.scenario.table.time_step
     lasted = clock(run, step * np.count_nonzero(limit.broken))
-    where = _place(run, limit.worst)
+    where = _place(run, limit)
     return f"{capital(limit_name(limit))} was broken by up to {most} {where}, for {lasted} in all."
 
 
-def _place(run: Run, k: int) -> str:
-    """When and where the aid vehicle was at a sample."""
-    x, y = run.cna[k, :2]
+def _place(run: Run, limit: LimitHistory) -> str:
+    """When and where the aid vehicle was that broke a limit most, or came nearest to that."""
+    k = limit.worst
+    x, y = run.aids[limit.aid].pose[k, :2]
     return f"{after(run, k)} (aid vehicle at east {x:.1f} m, north {y:.1f} m)"
 
 

@@ -6,6 +6,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from formulations.model.ranging import Ranging
+from formulations.model.schedule import Schedule
+from obsplan.planning.companion import Companion, Moored
 from obsplan.scenario.tables import RangingTable, ScenarioTable, aids_of
 from obsplan.sensors.sensor import KnowsLaw, Sensor
 
@@ -22,6 +24,11 @@ class Beacon:
     depth: float  # [m]
 
 
+def aid_names(aids: int) -> tuple[str, ...]:
+    """Names of as many aid vehicles: cna, or cna-1, cna-2, ..."""
+    return ("cna",) if aids == 1 else tuple(f"cna-{i + 1}" for i in range(aids))
+
+
 def beacons_of(table: ScenarioTable) -> tuple[Beacon, ...]:
     """The aid vehicles' own transducers, then the other beacons.
 
@@ -32,8 +39,7 @@ def beacons_of(table: ScenarioTable) -> tuple[Beacon, ...]:
     """
     aids = aids_of(table)
     found = []
-    for i, aid in enumerate(aids):
-        name = "cna" if len(aids) == 1 else f"cna-{i + 1}"
+    for i, (aid, name) in enumerate(zip(aids, aid_names(len(aids)), strict=True)):
         if aid.ranged:
             found.append(Beacon(name, i, (0.0, 0.0), aid.transducer_depth))
     for beacon in table.beacon:
@@ -91,4 +97,41 @@ def law_told(sensor: Sensor, table: RangingTable) -> Ranging:
         loss=table.loss,
         half_distance=np.inf if table.half_distance is None else table.half_distance,
         reach=np.inf if table.reach is None else table.reach,
+    )
+
+
+def as_one(law: Ranging, transducers: int) -> Ranging:
+    """What planners count on of a vehicle with several transducers: all are at its place.
+
+    That many ranges at once tell as much as one that is more precise by the root of their number.
+    A vehicle that AUVs do not range to steers as if they did.
+    """
+    if transducers <= 1:
+        return law
+    root = np.sqrt(transducers)
+    return law._replace(sigma=law.sigma / root, growth=law.growth / root)
+
+
+def schedule_of(table: RangingTable, offset: Float[np.ndarray, " auvs"]) -> Schedule:
+    """When AUVs range to a beacon, as it is planned."""
+    slots = tuple(offset.tolist()) if table.slot else ()
+    return Schedule(interval=table.interval, offsets=slots, silent=table.silent)
+
+
+def moored(
+    beacons: tuple[Beacon, ...],
+    law: Ranging,
+    table: RangingTable,
+    offset: Float[np.ndarray, "beacons auvs"],
+) -> tuple[Companion, ...]:
+    """The moored beacons, as planners know them."""
+    return tuple(
+        Companion(
+            route=Moored(*beacon.place),
+            ranging=law,
+            schedule=schedule_of(table, offset[b]),
+            depth=beacon.depth,
+        )
+        for b, beacon in enumerate(beacons)
+        if beacon.carrier is None
     )

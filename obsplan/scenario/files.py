@@ -17,6 +17,7 @@ SHIPPED = Path(str(files("obsplan") / "scenarios"))
 SUITES = {  # folders of scenarios on which planners are compared, and their world
     "suite": "every range is horizontal, of one instant and of constant error, and none is lost",
     "field": "ranges, losses and currents are as at sea: each number has its source in the file",
+    "systems": "one survey is flown under each system of Appendix A, and nothing else differs",
 }
 MOST_BYTES = 20_000_000  # some 500 000 waypoints
 

@@ -21,7 +21,14 @@ from obsplan.planning.team import Team
 from obsplan.plugins import class_of, in_words, is_own
 from obsplan.scenario.areas import Role, Shape, as_entry, as_fence, common, shapes_of
 from obsplan.scenario.base import tuples
-from obsplan.scenario.beacons import law_told, offsets, ranged_steps
+from obsplan.scenario.beacons import (
+    as_one,
+    law_told,
+    moored,
+    offsets,
+    ranged_steps,
+    schedule_of,
+)
 from obsplan.scenario.choice import options
 from obsplan.scenario.communication import MOST_IN_FLIGHT, check_communication, most_in_flight
 from obsplan.scenario.contents import check_contents
@@ -354,7 +361,12 @@ class Scenario(Equipment):
     def team(self) -> "Planner | Team":
         """The planner, or those of several aid vehicles."""
         planners = tuple(self.planner(aid) for aid in range(len(self.aids)))
-        return planners[0] if len(planners) == 1 else Team(planners)
+        return planners[0] if len(planners) == 1 else Team(planners, joint=self.joint)
+
+    @property
+    def joint(self) -> bool:
+        """Whether several aid vehicles plan given the others' plans."""
+        return self.table.planner.team == "joint"
 
     @cached_property
     def situation(self) -> Situation:
@@ -367,16 +379,19 @@ class Scenario(Equipment):
         return tuple(self._situation(i) for i in range(len(self.aids)))
 
     def _situation(self, aid: int) -> Situation:
-        ranging = self.planner_ranging
+        ranging, law = self.planner_ranging, law_told(self.planner_sensor, self.planner_ranging)
         of_its_own = [k for k, beacon in enumerate(self.beacons) if beacon.carrier == aid]
-        slots = self.offsets[of_its_own[0]] if of_its_own and ranging.slot else ()
+        first = of_its_own[0] if of_its_own else 0
+        schedule = schedule_of(ranging, self.offsets[first])
         return Situation(
             self.aids[aid],
-            ranging=law_told(self.planner_sensor, ranging),
-            ping_interval=ranging.interval,
-            slots=tuple(float(slot) for slot in slots),
-            silent=ranging.silent,
-            transducer_depth=aids_of(self.table)[aid].transducer_depth,
+            ranging=as_one(law, len(of_its_own)),
+            ping_interval=schedule.interval,
+            slots=schedule.offsets,
+            silent=schedule.silent,
+            transducer_depth=self.beacons[first].depth if of_its_own else 0.0,
+            ranged=bool(of_its_own),
+            companions=moored(self.beacons, law, ranging, self.offsets),
             heading_sigma=self.heading_sensor.sigma,
             throughput_half_distance=self.communication.throughput_half_distance or np.inf,
             decision_interval=self.decide_every * self.table.time_step,
@@ -400,6 +415,7 @@ class Scenario(Equipment):
                 geofence=self._geofence(),
                 min_separation=table.min_separation,
                 max_separation=np.inf if table.max_separation is None else table.max_separation,
+                min_separation_cna=table.min_separation_cna if len(self.aids) > 1 else 0.0,
             )
         except ValueError as error:
             raise self.error("constraints", error) from None

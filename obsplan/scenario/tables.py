@@ -264,6 +264,10 @@ class PlannerTable(Table):
     ranging: dict[str, Any] | None = Field(
         default=None, description=f"what it is told of ranges: {TOLD}; default: as the filter"
     )
+    team: Literal["joint", "alone"] = Field(
+        default="joint",
+        description="whether several aid vehicles plan given the others' plans, or as if alone",
+    )
 
 
 SURVEY = Choice(
@@ -399,6 +403,9 @@ class ConstraintsTable(Table):
     )
     max_separation: Annotated[float | None, LENGTH] = Field(
         default=None, description="greatest distance to any AUV [m]; default: none"
+    )
+    min_separation_cna: Annotated[float, DISTANCE] = Field(
+        default=0.0, description="least distance between aid vehicles [m]"
     )
 
 

@@ -1,7 +1,7 @@
 """Fly missions: one compiled step, folded over time, the planner inside or called between steps."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from time import perf_counter
@@ -13,9 +13,11 @@ from jaxtyping import Float
 from formulations.model.casadi import machine_code
 from formulations.model.covariance import unpack_array
 from obsplan.planning.answers import BLAMES, Answer, ask, blamed, fitted_commands
+from obsplan.planning.companion import Companion
 from obsplan.planning.expressions import decision_function, interpreted
 from obsplan.planning.interface import (
     ChoosesStart,
+    Cooperates,
     Draws,
     HasCommands,
     KeepsLimits,
@@ -28,8 +30,7 @@ from obsplan.planning.interface import (
     checked_start,
 )
 from obsplan.planning.limits import within_limits
-from obsplan.planning.situation import Situation
-from obsplan.planning.team import Team, members_of
+from obsplan.planning.team import Team, members_of, team_of
 from obsplan.planning.water import in_the_water
 from obsplan.run import Run, Timing
 from obsplan.scenario import Scenario, load
@@ -66,7 +67,9 @@ def simulate(
     scenario
         A scenario, or the name or path of one.
     planner
-        A planner by name, or any object that has ``plan``; default: the scenario's.
+        A planner by name, or any object that has ``plan``; default: the scenario's. Of several aid
+        vehicles each has one: a `Team`, or the object as it would be in each one's situation, or,
+        where it has none, the same object for all.
     seed
         Of all random numbers; default: the scenario's. The same seed gives the same noise to every
         planner.
@@ -81,7 +84,9 @@ def simulate(
     """
     scenario = load(scenario) if isinstance(scenario, str) else scenario
     scenario = scenario.replace(planner=planner) if isinstance(planner, str) else scenario
-    planner = scenario.team() if planner is None or isinstance(planner, str) else planner
+    if planner is None or isinstance(planner, str):
+        planner = scenario.team()
+    planner = team_of(planner, scenario.situations, joint=scenario.joint)
     run = ClosedLoop(scenario=scenario, planner=planner).fly(
         scenario.table.seed if seed is None else seed, progress=progress
     )
@@ -128,6 +133,11 @@ class ClosedLoop:
         """Of each aid vehicle."""
         return members_of(self.planner)
 
+    @property
+    def joint(self) -> bool:
+        """Whether they decide given each other's plans."""
+        return isinstance(self.planner, Team) and self.planner.joint
+
     @cached_property
     def step(self) -> ca.Function:
         """The Function (Carry, Inputs) -> (Carry, Log) of one time step."""
@@ -168,16 +178,19 @@ class ClosedLoop:
         self,
         seed: int,
         *,
-        start: Pose | None = None,
+        start: Pose | Sequence[Pose] | None = None,
         progress: Progress | None = None,
         covariances: bool = True,
     ) -> Run:
-        """Fly the mission under the noise of a seed, the first from another ``start`` if given.
+        """Fly the mission under the noise of a seed, from other places if given.
+
+        A ``start`` is the first aid vehicle's; several are those of all.
 
         Without ``covariances`` those of the run, more than half of what it holds, are nan.
         """
         began, progress = perf_counter(), progress or (lambda _done, _steps: None)
-        starts = self.starts if start is None else (start, *self.starts[1:])
+        given = (start,) if isinstance(start, Pose) else tuple(start or ())
+        starts = (*given, *self.starts[len(given) :])
         first, inputs = mission_inputs(self.scenario, starts, seed)
         steps = len(inputs.time)
         for planner, begin in zip(self.planners, starts, strict=True):
@@ -219,7 +232,7 @@ class ClosedLoop:
                     planner = planner.for_mission(seed)
                     check_planner(planner)
                 found.append(planner)
-        return Team(tuple(found))
+        return Team(tuple(found), joint=self.joint)
 
     def _fold(self, carry: Carry, inputs: Inputs, log: Log, progress: Progress) -> None:
         """Advance by whole chunks of steps; the planner is part of the step."""
@@ -252,8 +265,9 @@ class ClosedLoop:
             auvs = self._beliefs(carry, inputs, k)
             time = float(inputs.time[k, 0, 0])
             poses = poses_of(carry, k)
-            ask = partial(self._ask, team=team, time=time, free=free)
-            answers = team.decide(poses, auvs, ask)
+            ask = partial(self._ask, poses=poses, auvs=auvs, team=team, time=time, free=free)
+            speeds = carry.command[k, :, 1].tolist()
+            answers = team.decide(poses, speeds, self.scenario.situations, ask)
             walk.seconds.append(perf_counter() - began)
             for c, (decision, fault) in enumerate(answers):
                 if fault:
@@ -272,47 +286,39 @@ class ClosedLoop:
     def _ask(
         self,
         aid: int,
-        pose: Pose,
-        auvs: list[Belief],
+        companions: Sequence[Companion],
         *,
+        poses: list[Pose],
+        auvs: list[Belief],
         team: Team,
         time: float,
         free: list[bool],
     ) -> Answer:
-        """What an aid vehicle makes of its planner's answer."""
-        planner, situation = team.members[aid], self.scenario.situations[aid]
-        return self._answer(planner, situation, pose, auvs, time, free=free[aid])
+        """What an aid vehicle makes of its planner's answer, kept within limits if it is not free.
+
+        What is flown in place of the planner's decision is always kept within them.
+        """
+        planner, situation, pose = team.members[aid], self.scenario.situations[aid], poses[aid]
+        auvs = in_the_water(auvs, situation.current)
+        decision, fault = ask(
+            planner, pose, auvs, time=time, cna=situation.cna, companions=companions
+        )
+        if not self.scenario.constraints or (free[aid] and not fault):
+            return Answer(decision, fault)
+        kept = within_limits(decision, pose, auvs, situation, companions)
+        if decision.status in BLAMES:
+            kept = replace(kept, status=decision.status)
+        return Answer(kept, fault)
 
     def _is_free(self, planner: Planner) -> bool:
         """Whether a planner's decisions are flown as they are: it keeps the limits, if any."""
         limits = self.scenario.constraints
         if not limits:
             return True
+        if limits.min_separation_cna and not isinstance(planner, Cooperates):
+            return False
         with blamed(planner, "say which limits it keeps"):
             return isinstance(planner, KeepsLimits) and bool(planner.constraints == limits)
-
-    def _answer(
-        self,
-        planner: Planner,
-        situation: Situation,
-        pose: Pose,
-        auvs: list[Belief],
-        time: float,
-        *,
-        free: bool,
-    ) -> Answer:
-        """What the vehicle makes of a planner's answer, kept within limits if it is not free.
-
-        What is flown in place of the planner's decision is always kept within them.
-        """
-        auvs = in_the_water(auvs, situation.current)
-        decision, fault = ask(planner, pose, auvs, time=time, cna=situation.cna)
-        if not self.scenario.constraints or (free and not fault):
-            return Answer(decision, fault)
-        kept = within_limits(decision, pose, auvs, situation)
-        if decision.status in BLAMES:
-            kept = replace(kept, status=decision.status)
-        return Answer(kept, fault)
 
     def _beliefs(self, carry: Carry, inputs: Inputs, k: int) -> list[Belief]:
         """What the planner is told of each AUV."""
