@@ -235,27 +235,18 @@ def _cna(run: Run) -> Variables:
 
 
 def _of_aid(run: Run, aid: AidTrack, name: str, whose: str) -> Variables:
+    along, (east, north, heading) = ("time",), aid.pose.T
     lat, lon = _latlon(run, aid.pose[:, :2])
+    turning = f"turn rate of {whose}, positive to the left"
+    speed = _quantity("m s-1", f"speed of {whose}", "platform_speed_wrt_ground")
     return {
-        f"{name}_x": (("time",), aid.pose[:, 0], _quantity("m", f"east of {whose}")),
-        f"{name}_y": (("time",), aid.pose[:, 1], _quantity("m", f"north of {whose}")),
-        f"{name}_heading": (
-            ("time",),
-            aid.pose[:, 2],
-            _quantity("rad", f"heading of {whose}, {CCW}"),
-        ),
-        f"{name}_turn_rate": (
-            ("time",),
-            aid.turn_rate,
-            _quantity("rad s-1", f"turn rate of {whose}, positive to the left"),
-        ),
-        f"{name}_speed": (
-            ("time",),
-            aid.speed,
-            _quantity("m s-1", f"speed of {whose}", "platform_speed_wrt_ground"),
-        ),
-        f"{name}_lat": (("time",), lat, _latitude(f"latitude of {whose}")),
-        f"{name}_lon": (("time",), lon, _longitude(f"longitude of {whose}")),
+        f"{name}_x": (along, east, _quantity("m", f"east of {whose}")),
+        f"{name}_y": (along, north, _quantity("m", f"north of {whose}")),
+        f"{name}_heading": (along, heading, _quantity("rad", f"heading of {whose}, {CCW}")),
+        f"{name}_turn_rate": (along, aid.turn_rate, _quantity("rad s-1", turning)),
+        f"{name}_speed": (along, aid.speed, speed),
+        f"{name}_lat": (along, lat, _latitude(f"latitude of {whose}")),
+        f"{name}_lon": (along, lon, _longitude(f"longitude of {whose}")),
     }
 
 

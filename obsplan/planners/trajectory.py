@@ -213,8 +213,10 @@ class Trajectory:
         noise = np.array([auv.process_noise for auv in auvs])
         growth = noise[:, 0] + durations[-1] * (speeds.max(axis=0) * noise[:, 1] + noise[:, 2])
         straying = SURE * growth * np.sqrt(durations[-1])
-        heights = [auv.depth - self.situation.transducer_depth for auv in auvs]
-        pings = self.situation.schedule.pings(time + ends, len(auvs))
+        above = [auv.depth - self.situation.transducer_depth for auv in auvs]
+        heights = np.tile(above, (len(times), 1))
+        covariance = np.array([auv.horizontal_covariance for auv in auvs])
+        weights = np.array([auv.weight for auv in auvs], dtype=float)
         return Task(
             pose=np.array([pose.x, pose.y, pose.heading]),
             turn_rate=pose.turn_rate,
@@ -222,15 +224,15 @@ class Trajectory:
             min_turn_radius=cna.min_turn_radius,
             durations=durations,
             reach=self._reach(),
-            pings=pings,
+            pings=self.situation.schedule.pings(time + ends, len(auvs)),
             positions=positions,
-            heights=np.tile(heights, (len(times), 1)),
+            heights=heights,
             headings=headings,
             speeds=speeds,
-            covariance=np.array([auv.horizontal_covariance for auv in auvs]),
+            covariance=covariance,
             process_noise=noise[:, [0, 0, 1, 2]],
             spread=np.hypot(margins(auvs), straying),
-            weights=np.array([auv.weight for auv in auvs], dtype=float),
+            weights=weights,
             ranging=self.situation.ranging,
             areas=self._areas,
             least=self.constraints.min_separation,

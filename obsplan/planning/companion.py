@@ -77,18 +77,18 @@ def told(
     known of AUVs is in the water of a current [m/s] (`obsplan.planning.water`). None where AUVs
     range to none of them.
     """
-    ranged = [one for one in companions if one.ranging is not None]
+    ranged = [(one, one.ranging) for one in companions if one.ranging is not None]
     if not ranged:
         return None
     ends = time + np.append(0.0, stages.duration.cumsum())
     known = np.zeros((len(stages.duration), len(auvs), 2, 2))
-    for one in ranged:
+    for one, ranging in ranged:
         for i, auv in enumerate(auvs):
             times = one.schedule.times(i, float(ends[0]), float(ends[-1]))
             ahead = times - time
             place = auv.ahead(ahead) + ahead[:, None] * np.array(current)
             x, height = one.route(ahead) - place, auv.depth - one.depth
-            each = ranging_information(x, one.ranging, height, expected=True)
+            each = ranging_information(x, ranging, height, expected=True)
             stage = np.searchsorted(ends[1:-1], times - ROUNDING * one.schedule.interval)
             np.add.at(known[:, i], stage, each)
     return known

@@ -8,7 +8,7 @@ import numpy as np
 
 from obsplan.planning.answers import Answer
 from obsplan.planning.companion import Companion, Route, Turns
-from obsplan.planning.interface import Cooperates, Situated
+from obsplan.planning.interface import Cooperates
 from obsplan.planning.situation import Situation
 from obsplan.types import Decision, Pose
 
@@ -108,7 +108,8 @@ def team_of(planner: Any, situations: Sequence[Situation], *, joint: bool = True
     """
     if len(situations) == 1 or isinstance(planner, Team):
         return planner
-    told = is_dataclass(planner) and "situation" in {field.name for field in fields(planner)}
-    if not (told and isinstance(planner, Situated)):
+    if not is_dataclass(planner) or isinstance(planner, type):
+        return Team((planner,) * len(situations), joint)
+    if "situation" not in {field.name for field in fields(planner)}:
         return Team((planner,) * len(situations), joint)
     return Team(tuple(replace(planner, situation=one) for one in situations), joint)

@@ -16,7 +16,15 @@ from formulations.model.ranging import (
     travelled,
     two_way_time,
 )
-from obsplan.quantities import DEPTH_SIGMA, GROWTH, RANGE_SIGMA, SOUND_SPEED, TIME_SIGMA, TURNAROUND
+from obsplan.quantities import (
+    DEPTH,
+    DEPTH_SIGMA,
+    GROWTH,
+    RANGE_SIGMA,
+    SOUND_SPEED,
+    TIME_SIGMA,
+    TURNAROUND,
+)
 from obsplan.sensors.sensor import BEACON
 
 
@@ -50,7 +58,7 @@ class Range:
     ] = "instant"
     sound_speed: Annotated[float, "true speed of sound [m/s]", SOUND_SPEED] = 1500.0
     profile: Annotated[
-        tuple[tuple[float, float], ...],
+        tuple[tuple[Annotated[float, DEPTH], Annotated[float, SOUND_SPEED]], ...],
         "true speeds of sound by depth, each [depth m, speed m/s]; instead of sound_speed",
     ] = ()
     assumed_sound_speed: Annotated[
@@ -72,10 +80,10 @@ class Range:
                     f"profile must have increasing depths, got {below} after {above}: order it"
                 )
         for depth, speed in self.profile:
-            if speed not in SOUND_SPEED or not 0 <= depth <= 12_000:
+            if speed not in SOUND_SPEED or depth not in DEPTH:
                 raise ValueError(
-                    "profile must have depths from 0 to 12000 m, the deepest sea, and speeds "
-                    f"{SOUND_SPEED}, got [{depth}, {speed}]: correct it"
+                    f"profile must have depths {DEPTH} and speeds {SOUND_SPEED}, "
+                    f"got [{depth}, {speed}]: correct it"
                 )
 
     @property

@@ -84,10 +84,10 @@ def simulate(
     """
     scenario = load(scenario) if isinstance(scenario, str) else scenario
     scenario = scenario.replace(planner=planner) if isinstance(planner, str) else scenario
-    if planner is None or isinstance(planner, str):
-        planner = scenario.team()
-    planner = team_of(planner, scenario.situations, joint=scenario.joint)
-    run = ClosedLoop(scenario=scenario, planner=planner).fly(
+    named = planner is None or isinstance(planner, str)
+    asked = scenario.team() if named else planner
+    team = team_of(asked, scenario.situations, joint=scenario.joint)
+    run = ClosedLoop(scenario=scenario, planner=team).fly(
         scenario.table.seed if seed is None else seed, progress=progress
     )
     for status, fault in run.faults.items():
@@ -200,8 +200,9 @@ class ClosedLoop:
         carry = carried(first, steps, HELD if covariances else (*HELD, "covariance"))
         log = Log(*(room(steps, *shape_of(name, self.scenario)) for name in Log._fields))
         walk = Walk()
-        fixed = [self._commands(planner, steps) for planner in self.planners]
-        if all(commands is not None for commands in fixed):
+        offered = [self._commands(planner, steps) for planner in self.planners]
+        fixed = [commands for commands in offered if commands is not None]
+        if len(fixed) == len(offered):
             codes = []
             for c, (commands, aid) in enumerate(zip(fixed, self.scenario.aids, strict=True)):
                 inputs.given[:, c], code = fitted_commands(commands, aid)
@@ -416,4 +417,4 @@ def route(reference: Reference, mean: np.ndarray, now: float) -> Callable[[np.nd
 def poses_of(carry: Carry, k: int) -> list[Pose]:
     """Poses of the aid vehicles at a step's beginning, with the turn rates they are still at."""
     known = zip(carry.cna[k].tolist(), carry.command[k, :, 0].tolist(), strict=True)
-    return [Pose(*place, turn_rate) for place, turn_rate in known]
+    return [Pose(x, y, heading, turn_rate) for (x, y, heading), turn_rate in known]

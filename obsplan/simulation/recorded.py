@@ -28,9 +28,11 @@ def record(
     missing = np.full((len(scenario.table.auv), 1), np.nan)
     # a carry's command is that of the step before
     command = np.concatenate([carry.command[1:], carry.command[-1:]])
-    aids = [
-        AidTrack(carry.cna[:, c], *command[:, c].T, *held(log, c)) for c in range(len(planners))
-    ]
+    aids = []
+    for c in range(len(planners)):
+        score, status = held(log, c)
+        turn_rate, speed = command[:, c].T
+        aids.append(AidTrack(carry.cna[:, c], turn_rate, speed, score, status))
     first, planner = aids[0], planners[0]
     label = planner.condition_label if isinstance(planner, NamesCondition) else ""
     return Run(

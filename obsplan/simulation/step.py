@@ -176,9 +176,10 @@ class StepBuilder:
 
         The commands of planners that are no expressions are given.
         """
-        expressions = [folded(self.scenario, planner) for planner in self.planners]
-        auvs, aids = carry.truth.shape[1], len(expressions)
-        if any(expression is None for expression in expressions):
+        offered = [folded(self.scenario, planner) for planner in self.planners]
+        expressions = [expression for expression in offered if expression is not None]
+        auvs, aids = carry.truth.shape[1], len(offered)
+        if len(expressions) < aids:
             return inputs.given, ca.MX.nan(1, aids), ca.MX.nan(1, auvs), ca.MX.nan(1, aids)
         known = {"survey": inputs.survey, "truth": carry.truth}.get(
             self.scenario.table.planner.knowledge, carry.reported

@@ -102,8 +102,7 @@ class Surveyor(NamedTuple):
                 again = partial(ca.if_else, own.repeated[b])
                 twice, twice_P = update(ranged, ranged_P, z)
                 ranged, ranged_P = again(twice, ranged), again(twice_P, ranged_P)
-            if has.bearing:
-                sensor = scenario.bearing_sensor
+            if (sensor := scenario.bearing_sensor) is not None:
                 bearing = sensor.measure(truth, seen) + sensor.sigma * own.bearing_error[b]
                 ranged, ranged_P = filtering.update(ranged, ranged_P, bearing, sensor, told)
                 bearings.append(ca.if_else(came, bearing, np.nan))

@@ -61,7 +61,7 @@ def tracks(runs: Sequence[Run]) -> "xr.Dataset":
             {"units": unit, "long_name": name},
         )
 
-    table = runs[0].scenario.table
+    table, cna = runs[0].scenario.table, runs[0].scenario.cna
     east = [run.cna[:, 0] for run in runs]
     north = [run.cna[:, 1] for run in runs]
     heading = [run.cna[:, 2] for run in runs]
@@ -84,8 +84,8 @@ def tracks(runs: Sequence[Run]) -> "xr.Dataset":
         variables,
         coords={"time": ("time", runs[0].time, {"units": "s"}), "auv": runs[0].names},
         attrs={
-            "speed": table.cna.speed,
-            "min_turn_radius": table.cna.min_turn_radius,
+            "speed": cna.speed,
+            "min_turn_radius": cna.min_turn_radius,
             "time_step": table.time_step,
         },
     )
