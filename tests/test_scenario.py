@@ -22,7 +22,7 @@ SMALL = {"origin": ORIGIN, "cna": CNA, "auv": [{"speed": 1.0, "survey": LINE}]}
 BAD_SETTINGS = {
     "cna.sped=1": 'unknown key cna.sped; did you mean "speed"',
     "plannr.kind=1": 'unknown key plannr; did you mean "planner"',
-    "planner.foo=1": "unknown key planner.foo; known are beam_width, communication_weight, criterion",
+    "planner.foo=1": "unknown key planner.foo; known are beam_width, communication_weight",
     "auv.0.survey.foo=2": "unknown key auv.0.survey.foo; known are file",
     "planner.kind=gramain": 'planner.kind = "gramain" is not known; did you mean "gramian"',
     "auv.0.survey.kind=lawn": 'did you mean "lawnmower"',

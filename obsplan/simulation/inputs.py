@@ -38,7 +38,7 @@ def streams(seed: int) -> Streams:
 
 def mission_inputs(scenario: Scenario, starts: Sequence[Pose], seed: int) -> tuple[Carry, Inputs]:
     """The state at time 0, the aid vehicles being at ``starts``, and the inputs of every step."""
-    random, features = streams(seed), Features.of(scenario)
+    random = streams(seed)
     # samples, AUVs, basic states
     survey = np.stack(
         [np.column_stack([m.position, m.heading, m.speed]) for m in scenario.motions], axis=1
@@ -46,51 +46,56 @@ def mission_inputs(scenario: Scenario, starts: Sequence[Pose], seed: int) -> tup
     steps, auvs = len(survey) - 1, survey.shape[1]
     truth = first_truth(scenario, survey[0])
     carry = first_carry(scenario, starts, truth, random.measurement.standard_normal(truth.shape))
-    of_each = (steps, auvs, len(scenario.beacons))
     heading_error = random.measurement.standard_normal((steps, auvs, 1))
-    range_error = random.measurement.standard_normal(of_each)
+    range_error = random.measurement.standard_normal((steps, auvs, len(scenario.beacons)))
     bias = np.deg2rad(scenario.table.ranging.compass_bias_deg)
     jitter = random.schedule if scenario.table.ranging.jitter else None
-    nothing = np.empty((steps, auvs, 0))
-    chance = random.arrival.random(of_each) if features.lossy else nothing
-    false = false_ranges(scenario, random.faults, of_each) if features.false else nothing
-    twice = repeated(scenario, random.faults, of_each) if features.repeated else nothing
-    depth = depth_error = nothing
-    filed = survey
-    if features.deep:
-        filed = np.concatenate([survey, scenario.depths[..., None]], axis=-1)
-        depth = scenario.depths[1:, :, None]
-        depth_error = random.depth.standard_normal((steps, auvs, 1)) * scenario.depth_sigma
-    bearing_error = random.bearing.standard_normal(of_each) if features.bearing else nothing
-    log = log_error = water = nothing
-    if features.logged:
-        log = logged(scenario)
-        log_error = random.log.standard_normal((steps, auvs, features.logged))
-    if features.varying:
-        water = scenario.currents[1:]
-    inputs = Inputs(
+    nothing = Inputs(*[np.empty((steps, auvs, 0))] * len(Inputs._fields))
+    inputs = nothing._replace(
         time=scenario.time[:-1, None, None],
         decide=(np.arange(steps) % scenario.decide_every == 0)[:, None, None],
         given=np.zeros((steps, len(starts), 2)),
         ping=scenario.ranged(jitter).swapaxes(1, 2),
-        survey=filed[:-1],
+        survey=survey[:-1],
         steer=survey[1:, :, 2:],
         disturbance=disturbance(scenario, random.process.standard_normal((steps, *truth.shape))),
         heading_error=heading_error * scenario.heading_sensor.sigma + bias,
         range_error=range_error,
-        chance=chance,
-        false=false,
-        repeated=twice,
-        depth=depth,
-        depth_error=depth_error,
-        bearing_error=bearing_error,
-        log=log,
-        log_error=log_error,
-        water=water,
-        stream=stream(scenario) if features.carried else np.empty((steps, len(starts), 0)),
-        report_chance=random.report.random(of_each) if features.unheard else nothing,
+        stream=np.empty((steps, len(starts), 0)),
     )
+    inputs = at_sea(inputs, scenario, random)
     return carry, Inputs(*(np.asarray(a, dtype=float) for a in inputs))
+
+
+def at_sea(inputs: Inputs, scenario: Scenario, random: Streams) -> Inputs:
+    """The inputs with what a scenario has besides those that every mission has."""
+    has, of_each = Features.of(scenario), inputs.range_error.shape
+    steps, auvs, _ = of_each
+    if has.lossy:
+        inputs = inputs._replace(chance=random.arrival.random(of_each))
+    if has.false:
+        inputs = inputs._replace(false=false_ranges(scenario, random.faults, of_each))
+    if has.repeated:
+        inputs = inputs._replace(repeated=repeated(scenario, random.faults, of_each))
+    if has.deep:
+        depth = scenario.depths[..., None]
+        inputs = inputs._replace(
+            survey=np.concatenate([inputs.survey, depth[:-1]], axis=-1),
+            depth=depth[1:],
+            depth_error=random.depth.standard_normal((steps, auvs, 1)) * scenario.depth_sigma,
+        )
+    if has.bearing:
+        inputs = inputs._replace(bearing_error=random.bearing.standard_normal(of_each))
+    if has.logged:
+        log_error = random.log.standard_normal((steps, auvs, has.logged))
+        inputs = inputs._replace(log=logged(scenario), log_error=log_error)
+    if has.varying:
+        inputs = inputs._replace(water=scenario.currents[1:])
+    if has.carried:
+        inputs = inputs._replace(stream=stream(scenario))
+    if has.unheard:
+        inputs = inputs._replace(report_chance=random.report.random(of_each))
+    return inputs
 
 
 def logged(scenario: Scenario) -> Bool[np.ndarray, "steps auvs 1"]:
