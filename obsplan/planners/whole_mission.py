@@ -12,9 +12,9 @@ from jaxtyping import Float
 
 from formulations.model.arcs import path
 from formulations.model.frames import Frame
-from formulations.model.schedule import ROUNDING, intervals, is_multiple
+from formulations.model.schedule import ROUNDING, Schedule, intervals, is_multiple
 from formulations.solution import Solution
-from formulations.whole_mission import AidVehicle, Problem, optimise
+from formulations.whole_mission import AidVehicle, Beacon, Problem, optimise
 from obsplan.constraints import STILL, Constraints, Stream
 from obsplan.planning.checks import check_situation
 from obsplan.planning.fallback import unusable
@@ -22,7 +22,7 @@ from obsplan.planning.filed import Filed
 from obsplan.planning.limits import SURE
 from obsplan.planning.situation import Situation
 from obsplan.quantities import INTERVAL, SEED, STARTS
-from obsplan.types import Belief, Decision, Pose
+from obsplan.types import Belief, Decision, ObsplanError, Pose
 from obsplan.vehicles import Unicycle
 
 MOST_TURNS = 400  # of a mission
@@ -155,30 +155,65 @@ class WholeMission:
         plans = plans_of(self)
         known = plans.of(pose, time)
         if known is None:
-            known = self._made(pose, time, progress)
+            (known,) = self.made([self], [pose], time, progress)
             plans.keep(known)
         return known
 
-    def _made(self, pose: Pose, time: float, progress: Progress) -> "OpenLoopPlan":
-        cna, filed = self.situation.cna, self.filed
-        frame = frame_at(pose, filed)
+    @classmethod
+    def together(
+        cls, members: Sequence["WholeMission"], poses: Sequence[Pose], progress: Progress
+    ) -> list["Part"]:
+        """Planners that follow one plan, made for all aid vehicles at once before the mission.
+
+        Raises
+        ------
+        ObsplanError
+            The vehicles are in different currents.
+        """
+        if len({member.situation.current for member in members}) > 1:
+            raise ObsplanError(
+                "whole-mission plans several aid vehicles in the same water: let the current carry "
+                'all of them or none (carried), or set planner.team = "alone"'
+            )
+        key = (tuple(members), tuple(poses))
+        if key not in TOGETHER:
+            if len(TOGETHER) >= KEPT:
+                TOGETHER.pop(next(iter(TOGETHER)))
+            TOGETHER[key] = cls.made(members, poses, 0.0, progress)
+        return [Part(member, plan) for member, plan in zip(members, TOGETHER[key], strict=True)]
+
+    @staticmethod
+    def made(
+        members: Sequence["WholeMission"], poses: Sequence[Pose], time: float, progress: Progress
+    ) -> "list[OpenLoopPlan]":
+        """Plans of vehicles that are at poses at a time, the first one's options being taken."""
+        leader = members[0]
+        filed, frame = leader.filed, frame_at(poses[0], leader.filed)
         first = min(round(time / filed.time_step), filed.time.size - 2)
-        hold = round(self.turn_duration / filed.time_step)
+        hold = round(leader.turn_duration / filed.time_step)
+        vehicles = [
+            member._vehicle(frame, first, pose) for member, pose in zip(members, poses, strict=True)
+        ]
         plan = optimise(
-            self._mission(frame, first),
+            leader._mission(frame, first, tuple(vehicles)),
             hold=hold,
-            count=self.starts,
-            random=np.random.default_rng(self.search_seed),
+            count=leader.starts,
+            random=np.random.default_rng(leader.search_seed),
             progress=progress,
         )
-        rates, stream = frame.mirror * plan.x[0], self.situation.stream
-        return OpenLoopPlan(cna, pose, time, rates, hold * filed.time_step, plan, stream)
+        found = []
+        for member, pose, turns in zip(members, poses, plan.x, strict=True):
+            cna, rates, stream = member.situation.cna, frame.mirror * turns, member.situation.stream
+            duration = hold * filed.time_step
+            found.append(OpenLoopPlan(cna, pose, time, rates, duration, plan, stream))
+        return found
 
-    def _mission(self, frame: Frame, first: int) -> Problem:
+    def _mission(self, frame: Frame, first: int, vehicles: tuple[AidVehicle, ...]) -> Problem:
         """What is known from a sample on, as seen by the vehicle there, in the water about it."""
         filed = self.filed
         after = slice(first, None)
-        drift = self.situation.stream.drift(filed.time[after] - filed.time[first])
+        since = filed.time[after] - filed.time[first]
+        drift = self.situation.stream.drift(since)
         courses = np.stack([np.cos(filed.heading[after]), np.sin(filed.heading[after])], axis=-1)
         total = filed.weights.sum()
         alike = np.full(filed.weights.size, 1 / filed.weights.size)
@@ -193,24 +228,68 @@ class WholeMission:
             process_noise=filed.process_noise,
             weights=filed.weights / total if total > 0 else alike,
             compass=self.situation.heading_sigma,
-            vehicles=(self._vehicle(frame, first),),
+            vehicles=vehicles,
+            beacons=tuple(
+                Beacon(
+                    position=frame.positions(one.route(since) - drift),
+                    ranging=one.ranging,
+                    schedule=self._sampled(one.schedule),
+                    depth=one.depth,
+                )
+                for one in self.situation.companions
+                if one.ranging is not None
+            ),
+            separation=(self.constraints.min_separation_cna, np.inf),
         )
 
-    def _vehicle(self, frame: Frame, first: int) -> AidVehicle:
-        """The vehicle and its ranges, as seen by itself at a sample."""
-        filed, situation = self.filed, self.situation
-        steps = situation.ping_interval / filed.time_step
+    def _sampled(self, schedule: Schedule) -> Schedule:
+        """A schedule whose interval is a whole number of samples."""
+        filed = self.filed
+        steps = schedule.interval / filed.time_step
         every = round(min(steps, filed.time.size))  # at most: none in the mission
+        return replace(schedule, interval=every * filed.time_step)
+
+    def _vehicle(self, frame: Frame, first: int, pose: Pose) -> AidVehicle:
+        """The vehicle and its ranges, as seen in a frame at a sample."""
+        situation = self.situation
+        place = frame.positions(np.array([pose.x, pose.y]))
+        turned = frame.mirror * (pose.heading - frame.heading)
         return AidVehicle(
-            start=np.zeros(3),
+            start=np.round([*place, turned], PLACES) + 0.0,  # no -0.0
             speed=situation.cna.speed,
             max_turn_rate=situation.cna.max_turn_rate,
             ranging=situation.ranging,
-            schedule=replace(situation.schedule, interval=every * filed.time_step),
+            schedule=self._sampled(situation.schedule),
             depth=situation.transducer_depth,
             violation=Limits(self, frame, first) if self.constraints else None,
             margin=MARGIN * situation.cna.min_turn_radius,
         )
+
+
+@dataclass(frozen=True)
+class Part:
+    """Follow a vehicle's part of a plan made for several; off it, plan the rest for it alone."""
+
+    condition_label = ""
+
+    planner: WholeMission
+    own: "OpenLoopPlan"
+
+    @property
+    def constraints(self) -> Constraints:
+        """The limits it keeps within."""
+        return self.planner.constraints
+
+    def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
+        """Look up the turn of this time."""
+        if not self.own.passes(pose, time):
+            return self.planner.plan(pose, auvs, time=time)
+        fallback = unusable(self.planner.situation.cna, pose, auvs)
+        return fallback or self.own.decision(pose, time, len(auvs))
+
+
+# Plans made for several vehicles, by their planners and starts, the newest `KEPT` of them.
+TOGETHER: dict[tuple[tuple[WholeMission, ...], tuple[Pose, ...]], "list[OpenLoopPlan]"] = {}
 
 
 class Plans:

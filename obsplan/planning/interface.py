@@ -96,6 +96,18 @@ class Cooperates(Planner, Protocol):
 
 
 @runtime_checkable
+class PlansTogether(Planner, Protocol):
+    """Plans all aid vehicles at once before the mission, where all have planners of its kind."""
+
+    @classmethod
+    def together(
+        cls, members: Sequence[Any], poses: Sequence[Pose], progress: Progress
+    ) -> Sequence[Planner]:
+        """The planners that fly the mission, from where the vehicles start."""
+        ...
+
+
+@runtime_checkable
 class HasExpression(Planner, Protocol):
     """Decides by one CasADi expression, which the simulator folds into its step.
 
@@ -140,6 +152,7 @@ CAPABILITIES = {
     "prepare": Prepares,
     "constraints": KeepsLimits,
     "plan_among": Cooperates,
+    "together": PlansTogether,
     "expression": HasExpression,
     "commands": HasCommands,
     "condition_label": NamesCondition,

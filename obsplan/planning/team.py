@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from obsplan.planning.answers import Answer
+from obsplan.planning.answers import Answer, blamed
 from obsplan.planning.companion import Companion, Route, Turns
-from obsplan.planning.interface import Cooperates
+from obsplan.planning.interface import Cooperates, PlansTogether, Prepares, Progress
 from obsplan.planning.situation import Situation
 from obsplan.types import Decision, Pose
 
@@ -30,6 +30,22 @@ class Team:
 
     members: tuple[Any, ...]
     joint: bool = True
+
+    def prepared(self, poses: Sequence[Pose], progress: Progress) -> "Team":
+        """The team that flies a mission that begins at poses, once it has planned before it.
+
+        Planners of one kind that plan together do; the others each by themselves.
+        """
+        kinds, first = {type(member) for member in self.members}, self.members[0]
+        several = len(self.members) > 1 and self.joint and len(kinds) == 1
+        if several and isinstance(first, PlansTogether):
+            with blamed(first, "plan before the mission"):
+                return replace(self, members=tuple(first.together(self.members, poses, progress)))
+        for member, pose in zip(self.members, poses, strict=True):
+            if isinstance(member, Prepares):
+                with blamed(member, "plan before the mission"):
+                    member.prepare(pose, progress)
+        return self
 
     def decide(
         self,

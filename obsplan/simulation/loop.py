@@ -22,7 +22,6 @@ from obsplan.planning.interface import (
     HasCommands,
     KeepsLimits,
     Planner,
-    Prepares,
     Progress,
     check_condition_label,
     check_planner,
@@ -193,10 +192,7 @@ class ClosedLoop:
         starts = (*given, *self.starts[len(given) :])
         first, inputs = mission_inputs(self.scenario, starts, seed)
         steps = len(inputs.time)
-        for planner, begin in zip(self.planners, starts, strict=True):
-            with blamed(planner, "plan before the mission"):
-                if isinstance(planner, Prepares):
-                    progress = prepared(planner, begin, progress)
+        team, progress = prepared(Team(self.planners, self.joint), starts, progress)
         carry = carried(first, steps, HELD if covariances else (*HELD, "covariance"))
         log = Log(*(room(steps, *shape_of(name, self.scenario)) for name in Log._fields))
         walk = Walk()
@@ -212,7 +208,7 @@ class ClosedLoop:
         elif all(folded(self.scenario, planner) is not None for planner in self.planners):
             self._fold(carry, inputs, log, progress)
         else:
-            walk = self._walk(self._of_mission(seed), carry, inputs, log, progress)
+            walk = self._walk(self._of_mission(team, seed), carry, inputs, log, progress)
         timing = Timing(seconds=perf_counter() - began, decision_seconds=walk.seconds)
         # what a run does not hold makes room: of a long mission it is large
         del inputs
@@ -224,16 +220,16 @@ class ClosedLoop:
         with blamed(planner, "give its commands"):
             return checked_commands(planner, steps) if isinstance(planner, HasCommands) else None
 
-    def _of_mission(self, seed: int) -> Team:
+    def _of_mission(self, team: Team, seed: int) -> Team:
         """The planners that are asked in the mission under a seed."""
         found = []
-        for planner in self.planners:
+        for planner in team.members:
             with blamed(planner, "draw its numbers"):
                 if isinstance(planner, Draws):
                     planner = planner.for_mission(seed)
                     check_planner(planner)
                 found.append(planner)
-        return Team(tuple(found), joint=self.joint)
+        return replace(team, members=tuple(found))
 
     def _fold(self, carry: Carry, inputs: Inputs, log: Log, progress: Progress) -> None:
         """Advance by whole chunks of steps; the planner is part of the step."""
@@ -390,11 +386,10 @@ def recorded_covariance(carry: Carry) -> np.ndarray:
     return whole
 
 
-def prepared(planner: Prepares, start: Pose, progress: Progress) -> Progress:
-    """Let a planner plan before the mission, and report that as the first half.
+def prepared(team: Team, starts: Sequence[Pose], progress: Progress) -> tuple[Team, Progress]:
+    """Let a team plan before the mission, and report that as the first half.
 
-    Returns what reports the mission as the second half, or as a whole if the planner reported
-    nothing.
+    Returns what reports the mission as the second half, or as a whole if nothing was reported.
     """
     told = []
 
@@ -402,10 +397,10 @@ def prepared(planner: Prepares, start: Pose, progress: Progress) -> Progress:
         told.append(done)
         progress(done, 2 * total)
 
-    planner.prepare(start, half)
+    team = team.prepared(starts, half)
     if not told:
-        return progress
-    return lambda done, steps: progress(steps + done, 2 * steps)
+        return team, progress
+    return team, lambda done, steps: progress(steps + done, 2 * steps)
 
 
 def route(reference: Reference, mean: np.ndarray, now: float) -> Callable[[np.ndarray], np.ndarray]:
