@@ -19,6 +19,12 @@ def hearing_notes(run: Run) -> list[str]:
         return []
     said = [(name, _clauses(run, i)) for i, name in enumerate(run.names)]
     notes = [f"{name}, as heard: {'; '.join(clauses)}." for name, clauses in said if clauses]
+    overdue = any(_overdue(run, i) for i in range(len(run.names)))
+    if overdue and run.scenario.table.planner.knowledge == "estimate":
+        notes.append(
+            'Between reports planners took AUVs to go straight on (planner.knowledge = "estimate"); '
+            '"estimate-and-survey" tells them of the turns that were filed.'
+        )
     if run.scenario.communication.reports == SILENT:
         notes.append(
             'Nothing is heard of the AUVs (communication.reports = "none"): how sure they are, '
@@ -28,15 +34,10 @@ def hearing_notes(run: Run) -> list[str]:
 
 
 def _clauses(run: Run, i: int) -> list[str]:
-    heard, ranging = run.heard, run.scenario.table.ranging
-    clauses = []
-    if heard.age is not None:
-        last = run.scenario.offsets[:, i].max() + ranging.jitter
-        due = ranging.interval + last + run.scenario.communication.latency
-        age = heard.age[i]
-        if age.max() > OVERDUE * due:
-            oldest, mean = clock(run, age.max()), clock(run, age.mean())
-            clauses.append(f"newest report up to {oldest} old, {mean} in the mean")
+    heard, clauses = run.heard, []
+    if heard.age is not None and _overdue(run, i):
+        oldest, mean = clock(run, heard.age[i].max()), clock(run, heard.age[i].mean())
+        clauses.append(f"newest report up to {oldest} old, {mean} in the mean")
     if heard.in_reach is not None:
         away = 1 - float(np.mean(heard.in_reach[i]))
         if away > TOLD:
@@ -44,3 +45,13 @@ def _clauses(run: Run, i: int) -> list[str]:
     if heard.throughput is not None:
         clauses.append(f"throughput {heard.throughput[i].mean():.3g} bit/s in the mean")
     return clauses
+
+
+def _overdue(run: Run, i: int) -> bool:
+    """Whether the newest report of an AUV was at times far older than where none is lost."""
+    age, ranging = run.heard.age, run.scenario.table.ranging
+    if age is None:
+        return False
+    last = run.scenario.offsets[:, i].max() + ranging.jitter
+    due = ranging.interval + last + run.scenario.communication.latency
+    return bool(age[i].max() > OVERDUE * due)
