@@ -202,11 +202,12 @@ def test_words_say_how_old_reports_were_and_that_none_came():
     assert hearing_notes(op.simulate(scenario())) == []
     oldest, away = run.heard.age.max(axis=1), 1 - run.heard.in_reach.mean(axis=1)
     assert (away > 0.01).any()
-    *notes, advice = hearing_notes(run)
-    assert '"estimate-and-survey" tells them' in advice
-    for name, note, age, share in zip(run.names, notes, oldest, away, strict=True):
+    for name, note, age, share in zip(run.names, hearing_notes(run), oldest, away, strict=True):
         assert note.startswith(f"{name}, as heard: newest report up to {age:.0f} s old")
         told = f"out of reach {100 * share:.0f} % of the time" in note
         assert told == (share > 0.005)
+    straight = scenario(**FAR, planner__kind="circle", planner__knowledge="estimate")
+    *_, advice = hearing_notes(op.simulate(straight))
+    assert 'with "estimate-and-survey" they count on the turns' in advice
     (last,) = hearing_notes(op.simulate(scenario(**NONE)))
     assert last.startswith("Nothing is heard of the AUVs")

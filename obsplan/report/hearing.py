@@ -22,8 +22,8 @@ def hearing_notes(run: Run) -> list[str]:
     overdue = any(_overdue(run, i) for i in range(len(run.names)))
     if overdue and run.scenario.table.planner.knowledge == "estimate":
         notes.append(
-            'Between reports planners took AUVs to go straight on (planner.knowledge = "estimate"); '
-            '"estimate-and-survey" tells them of the turns that were filed.'
+            "Between reports planners took AUVs to go straight on (planner.knowledge = "
+            '"estimate"); with "estimate-and-survey" they count on the turns that were filed.'
         )
     if run.scenario.communication.reports == SILENT:
         notes.append(
