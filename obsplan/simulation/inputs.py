@@ -50,11 +50,9 @@ def mission_inputs(scenario: Scenario, starts: Sequence[Pose], seed: int) -> tup
     heading_error = random.measurement.standard_normal((steps, auvs, 1))
     range_error = random.measurement.standard_normal(of_each)
     bias = np.deg2rad(scenario.table.ranging.compass_bias_deg)
-    jitter = random.schedule if scenario.table.ranging.jitter else None
     nothing = np.empty((steps, auvs, 0))
     chance = random.arrival.random(of_each) if features.lossy else nothing
-    false = false_ranges(scenario, random.faults, of_each) if features.false else nothing
-    twice = repeated(scenario, random.faults, of_each) if features.repeated else nothing
+    false, twice = faults(scenario, random.faults)
     depth = depth_error = nothing
     filed = survey
     if features.deep:
@@ -64,15 +62,14 @@ def mission_inputs(scenario: Scenario, starts: Sequence[Pose], seed: int) -> tup
     bearing_error = random.bearing.standard_normal(of_each) if features.bearing else nothing
     log = log_error = water = nothing
     if features.logged:
-        log = logged(scenario)
-        log_error = random.log.standard_normal((steps, auvs, features.logged))
+        log, log_error = logged(scenario), log_errors(scenario, random.log)
     if features.varying:
         water = scenario.currents[1:]
     inputs = Inputs(
         time=scenario.time[:-1, None, None],
         decide=(np.arange(steps) % scenario.decide_every == 0)[:, None, None],
         given=np.zeros((steps, len(starts), 2)),
-        ping=scenario.ranged(jitter).swapaxes(1, 2),
+        ping=due(scenario, random.schedule).swapaxes(1, 2),
         survey=filed[:-1],
         steer=survey[1:, :, 2:],
         disturbance=disturbance(scenario, random.process.standard_normal((steps, *truth.shape))),
@@ -91,6 +88,30 @@ def mission_inputs(scenario: Scenario, starts: Sequence[Pose], seed: int) -> tup
         report_chance=random.report.random(of_each) if features.unheard else nothing,
     )
     return carry, Inputs(*(np.asarray(a, dtype=float) for a in inputs))
+
+
+def due(scenario: Scenario, random: np.random.Generator) -> Bool[np.ndarray, "steps beacons auvs"]:
+    """At the end of which steps ranges are due; ``random`` is the stream of schedules."""
+    return scenario.ranged(random if scenario.table.ranging.jitter else None)
+
+
+def faults(scenario: Scenario, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """What is false of each range, and which are delivered twice; ``random`` is the stream."""
+    features, steps = Features.of(scenario), scenario.time.size - 1
+    shape = (steps, len(scenario.table.auv), len(scenario.beacons))
+    nothing = np.empty((*shape[:2], 0))
+    false = false_ranges(scenario, random, shape) if features.false else nothing
+    twice = repeated(scenario, random, shape) if features.repeated else nothing
+    return false, twice
+
+
+def log_errors(
+    scenario: Scenario, random: np.random.Generator
+) -> Float[np.ndarray, "steps auvs some"]:
+    """Errors of measured speeds in standard deviations; ``random`` is the stream of logs."""
+    features = Features.of(scenario)
+    shape = (scenario.time.size - 1, len(scenario.table.auv), features.logged)
+    return random.standard_normal(shape)
 
 
 def logged(scenario: Scenario) -> Bool[np.ndarray, "steps auvs 1"]:
