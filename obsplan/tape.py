@@ -11,14 +11,17 @@ from obsplan.sensors import Sensor
 
 
 class Measurements(NamedTuple):
-    """What came to an AUV from a beacon, in the order of arrival, a row each; first come first."""
+    """What came to an AUV from a beacon, or what it measured of its speed, a row each.
+
+    They are in the order in which its filter takes them.
+    """
 
     sent: Float[np.ndarray, " n"]  # by the beacon, or the question to it [s]
     received: Float[np.ndarray, " n"]  # by the AUV [s]
     auv: Integer[np.ndarray, " n"]  # number
-    beacon: Integer[np.ndarray, " n"]  # number
+    beacon: Integer[np.ndarray, " n"]  # number; -1 of what concerns none
     sensor: Integer[np.ndarray, " n"]  # number in `Tape.sensors`
-    value: Float[np.ndarray, " n"]  # in the sensor's unit: [m], [m^2] or [rad]
+    value: Float[np.ndarray, " n"]  # in the sensor's unit: [m], [m^2], [rad] or [m/s]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

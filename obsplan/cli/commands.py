@@ -48,6 +48,7 @@ def run(
         path_names,
         planner_notes,
         run_table,
+        sea_notes,
         verdicts,
         write_free,
         write_run,
@@ -69,7 +70,7 @@ def run(
     folder = write_free(out, name, lambda folder: write_run(flown, folder, exports))
     with keeping(folder, WRITTEN):
         show(run_table(flown))
-        heard = hearing_notes(flown)
+        heard = (*sea_notes(flown), *hearing_notes(flown))
         notes = (*verdicts(flown), *heard, *limit_notes(flown), *planner_notes(flown))
         for sentence in (*notes, *exports_sentences(exports)):
             say(sentence)

@@ -22,6 +22,7 @@ _HOME = {
     "run_html": "tables",
     "run_table": "tables",
     "scenario_table": "suite",
+    "sea_notes": "sea",
     "styled": "style",
     "suite_sentences": "suite",
     "suite_table": "suite",

@@ -22,6 +22,7 @@ from obsplan.recording import write_netcdf
 from obsplan.report.comparison import Rows, compare_figure
 from obsplan.report.export import Export, make_exports, summaries
 from obsplan.report.path_files import write_paths
+from obsplan.report.sea import summary_of
 from obsplan.run import Run
 from obsplan.spelling import inert
 from obsplan.types import ObsplanError
@@ -115,16 +116,19 @@ def write_run(run: Run, folder: Path | str, exports: Sequence[Export] = ()) -> N
     """
     from obsplan.report.errors import errors_figure
     from obsplan.report.map import map_figure
+    from obsplan.report.measurements import has_more_measured, measurements_csv
     from obsplan.report.style import png
 
     exports = exports or make_exports(run)
-    summary = run.summary() | {"export": summaries(exports)}
+    summary = summary_of(run) | {"export": summaries(exports)}
     with new_folder(Path(folder)) as made:
         write_atomically(made / "scenario.toml", scenario_toml(run))
         write_netcdf(run, made / "tracks.nc")
         write_atomically(made / "tracks.csv", tracks_csv(run))
         if run.others:
             write_atomically(made / "aids.csv", aids_csv(run))
+        if has_more_measured(run.scenario):
+            write_atomically(made / "measurements.csv", measurements_csv(run))
         for export in exports:
             write_paths(run, export, made)
         write_atomically(made / "map.png", png(partial(map_figure, run)))

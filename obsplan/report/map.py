@@ -351,4 +351,5 @@ def _legend(run: Run) -> list[Line2D | Patch]:
 def _pings_in_words(run: Run) -> str:
     interval = run.scenario.table.ranging.interval
     shown = _every_ping(int(np.count_nonzero(np.isfinite(run.range[0]))))
-    return f"range, every {interval:g} s" + (f",\none in {shown} shown" if shown > 1 else "")
+    what = "range that came, due" if run.scenario.ranges_may_be_lost else "range,"
+    return f"{what} every {interval:g} s" + (f",\none in {shown} shown" if shown > 1 else "")

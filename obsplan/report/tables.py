@@ -7,6 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 from obsplan.constraints import ROUNDING
+from obsplan.report.sea import summary_of
 from obsplan.run import Run
 
 # Heading of each figure of merit, in words short enough for 80 columns, and its decimals.
@@ -21,6 +22,8 @@ COLUMNS = {
     "separation_max_m": ("Max sep. [m]", 1),
     "violation_max_m": ("Limit broken by [m]", 2),
 }
+# and for what no terminal has room: there they are said in words
+IN_NOTEBOOKS = COLUMNS | {"ranges_due": ("Ranges due", 0), "ranges_lost": ("Lost", 0)}
 CAPTION = (
     "PCRB: posterior Cramér–Rao bound of this path; Bound: of any path; Eff.: Bound / PCRB; "
     "NEES: 2 if consistent; sep.: separation"
@@ -50,12 +53,12 @@ def run_table(run: Run) -> Table:
 
 def run_html(run: Run) -> str:
     """Tabulate the same in HTML, without the certified bound, which takes a while."""
-    summary = run.summary(bounds=False)
-    columns = [key for key in COLUMNS if key in summary["all"]]
+    summary = summary_of(run, bounds=False)
+    columns = [key for key in IN_NOTEBOOKS if key in summary["all"]]
     rows = dict(summary["auv"])
     if len(rows) > 1:
         rows["all"] = summary["all"]
-    head = "".join(f"<th>{escape(COLUMNS[key][0])}</th>" for key in columns)
+    head = "".join(f"<th>{escape(IN_NOTEBOOKS[key][0])}</th>" for key in columns)
     lines = [
         "<table>",
         f"<caption>{escape(title(summary))}</caption>",
@@ -75,7 +78,7 @@ def title(summary: dict[str, Any]) -> str:
 
 def _figure(key: str, value: Any) -> str:
     """A figure of merit as its column shows it."""
-    return violation_cell(value) if key == "violation_max_m" else cell(value, COLUMNS[key][1])
+    return violation_cell(value) if key == "violation_max_m" else cell(value, IN_NOTEBOOKS[key][1])
 
 
 def breaks(violation: float | None) -> bool:

@@ -49,13 +49,12 @@ def mission_inputs(scenario: Scenario, starts: Sequence[Pose], seed: int) -> tup
     heading_error = random.measurement.standard_normal((steps, auvs, 1))
     range_error = random.measurement.standard_normal((steps, auvs, len(scenario.beacons)))
     bias = np.deg2rad(scenario.table.ranging.compass_bias_deg)
-    jitter = random.schedule if scenario.table.ranging.jitter else None
     nothing = Inputs(*[np.empty((steps, auvs, 0))] * len(Inputs._fields))
     inputs = nothing._replace(
         time=scenario.time[:-1, None, None],
         decide=(np.arange(steps) % scenario.decide_every == 0)[:, None, None],
         given=np.zeros((steps, len(starts), 2)),
-        ping=scenario.ranged(jitter).swapaxes(1, 2),
+        ping=due(scenario, random.schedule).swapaxes(1, 2),
         survey=survey[:-1],
         steer=survey[1:, :, 2:],
         disturbance=disturbance(scenario, random.process.standard_normal((steps, *truth.shape))),
@@ -73,10 +72,8 @@ def at_sea(inputs: Inputs, scenario: Scenario, random: Streams) -> Inputs:
     steps, auvs, _ = of_each
     if has.lossy:
         inputs = inputs._replace(chance=random.arrival.random(of_each))
-    if has.false:
-        inputs = inputs._replace(false=false_ranges(scenario, random.faults, of_each))
-    if has.repeated:
-        inputs = inputs._replace(repeated=repeated(scenario, random.faults, of_each))
+    false, twice = faults(scenario, random.faults)
+    inputs = inputs._replace(false=false, repeated=twice)
     if has.deep:
         depth = scenario.depths[..., None]
         inputs = inputs._replace(
@@ -87,7 +84,7 @@ def at_sea(inputs: Inputs, scenario: Scenario, random: Streams) -> Inputs:
     if has.bearing:
         inputs = inputs._replace(bearing_error=random.bearing.standard_normal(of_each))
     if has.logged:
-        log_error = random.log.standard_normal((steps, auvs, has.logged))
+        log_error = log_errors(scenario, random.log)
         inputs = inputs._replace(log=logged(scenario), log_error=log_error)
     if has.varying:
         inputs = inputs._replace(water=scenario.currents[1:])
@@ -96,6 +93,30 @@ def at_sea(inputs: Inputs, scenario: Scenario, random: Streams) -> Inputs:
     if has.unheard:
         inputs = inputs._replace(report_chance=random.report.random(of_each))
     return inputs
+
+
+def due(scenario: Scenario, random: np.random.Generator) -> Bool[np.ndarray, "steps beacons auvs"]:
+    """At the end of which steps ranges are due; ``random`` is the stream of schedules."""
+    return scenario.ranged(random if scenario.table.ranging.jitter else None)
+
+
+def faults(scenario: Scenario, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """What is false of each range, and which are delivered twice; ``random`` is the stream."""
+    features, steps = Features.of(scenario), scenario.time.size - 1
+    shape = (steps, len(scenario.table.auv), len(scenario.beacons))
+    nothing = np.empty((*shape[:2], 0))
+    false = false_ranges(scenario, random, shape) if features.false else nothing
+    twice = repeated(scenario, random, shape) if features.repeated else nothing
+    return false, twice
+
+
+def log_errors(
+    scenario: Scenario, random: np.random.Generator
+) -> Float[np.ndarray, "steps auvs some"]:
+    """Errors of measured speeds in standard deviations; ``random`` is the stream of logs."""
+    features = Features.of(scenario)
+    shape = (scenario.time.size - 1, len(scenario.table.auv), features.logged)
+    return random.standard_normal(shape)
 
 
 def logged(scenario: Scenario) -> Bool[np.ndarray, "steps auvs 1"]:
