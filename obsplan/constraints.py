@@ -293,20 +293,22 @@ class Constraints:
         A margin [m] is kept from each AUV. The last so many of them, ``aids``, are other aid
         vehicles.
         """
-        if not (aids or self._separates):
+        if not (aids or self.separates):
             return np.full(positions.shape[:-1], -np.inf)
         way = positions[..., None, :] - auvs
         distance = np.sqrt(way[..., 0] ** 2 + way[..., 1] ** 2)
         neighbours = distance.shape[-1]
         is_aid = np.arange(neighbours) >= neighbours - aids
-        least = np.where(is_aid, self.min_separation_cna, self.min_separation)
+        nearest = self.min_separation or -np.inf
+        least = np.where(is_aid, self.min_separation_cna, nearest)
         broken = distance - np.where(is_aid, np.inf, self.max_separation)
-        if least.any():
+        if (least > 0).any():
             broken = np.maximum(least - distance, broken)
         return np.max(broken + margin, axis=-1, initial=-np.inf)
 
     @property
-    def _separates(self) -> bool:
+    def separates(self) -> bool:
+        """Whether distances to AUVs are limited."""
         return self.min_separation > 0 or self.max_separation < np.inf
 
     def violation(

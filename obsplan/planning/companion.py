@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -27,7 +28,7 @@ class Moored:
         return np.broadcast_to([self.x, self.y], (times.size, 2))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Turns:
     """The route of an aid vehicle: turns one after the other, the last one held on."""
 
@@ -39,15 +40,20 @@ class Turns:
 
     def __call__(self, times: Float[np.ndarray, " T"]) -> Float[np.ndarray, "T 2"]:
         """Positions over ground [m] at times from now [s]."""
-        rates, start = np.array(self.turn_rates), self.pose
-        lasting = np.array(self.durations)[: rates.size - 1]
-        begins = np.append(0.0, lasting.cumsum())
-        first = np.array([start.x, start.y, start.heading])
-        nodes = path(first, rates[:-1], self.speed, lasting)
+        begins, nodes = self._nodes
         turn = np.searchsorted(begins, times, side="right") - 1
+        rates = np.array(self.turn_rates)[turn, None]
         since = (times - begins[turn])[:, None]
-        moved = path(nodes[turn], rates[turn, None], self.speed, since)[:, 1, :2]
+        moved = path(nodes[turn], rates, self.speed, since)[:, 1, :2]
         return moved + times[:, None] * np.array(self.current)
+
+    @cached_property
+    def _nodes(self) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, "N 3"]]:
+        """When the turns begin [s], and the poses then."""
+        start, rates = self.pose, np.array(self.turn_rates[:-1])
+        lasting = np.array(self.durations[: rates.size])
+        first = np.array([start.x, start.y, start.heading])
+        return np.append(0.0, lasting.cumsum()), path(first, rates, self.speed, lasting)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,12 +89,15 @@ def told(
     ends = time + np.append(0.0, stages.duration.cumsum())
     known = np.zeros((len(stages.duration), len(auvs), 2, 2))
     for one, ranging in ranged:
-        for i, auv in enumerate(auvs):
-            times = one.schedule.times(i, float(ends[0]), float(ends[-1]))
-            ahead = times - time
-            place = auv.ahead(ahead) + ahead[:, None] * np.array(current)
-            x, height = one.route(ahead) - place, auv.depth - one.depth
-            each = ranging_information(x, ranging, height, expected=True)
-            stage = np.searchsorted(ends[1:-1], times - ROUNDING * one.schedule.interval)
-            np.add.at(known[:, i], stage, each)
+        begin, end = float(ends[0]), float(ends[-1])
+        times = [one.schedule.times(i, begin, end) for i in range(len(auvs))]
+        places = [auv.ahead(of - time) for auv, of in zip(auvs, times, strict=True)]
+        whose = np.repeat(np.arange(len(auvs)), [of.size for of in times])
+        at = np.concatenate(times)
+        ahead = at - time
+        place = np.concatenate(places) + ahead[:, None] * np.array(current)
+        height = np.array([auv.depth for auv in auvs])[whose] - one.depth
+        each = ranging_information(one.route(ahead) - place, ranging, height, expected=True)
+        stage = np.searchsorted(ends[1:-1], at - ROUNDING * one.schedule.interval)
+        np.add.at(known, (stage, whose), each)
     return known

@@ -41,10 +41,11 @@ class LimitsAhead:
         """Where AUVs, and then aid vehicles, are expected over ground [m] at times from now [s]."""
         tracks = positions_ahead(self.auvs, times).swapaxes(0, 1)
         auvs = self.situation.stream.over_ground(tracks, times).swapaxes(0, 1)
-        if not self.aids:
-            return auvs
-        aids = np.stack([route(times) for route in self.aids], axis=1)
-        return np.concatenate([auvs, aids], axis=1)
+        return np.concatenate([auvs, self.aids_ahead(times)], axis=1) if self.aids else auvs
+
+    def aids_ahead(self, times: Float[np.ndarray, " T"]) -> Float[np.ndarray, "T N 2"]:
+        """Where other aid vehicles are expected over ground [m] at times from now [s]."""
+        return np.stack([route(times) for route in self.aids], axis=1)
 
     def along(
         self, positions: Float[np.ndarray, "*batch T 2"], times: Float[np.ndarray, " T"]
@@ -57,10 +58,10 @@ class LimitsAhead:
         return limits.violation(there, self._positions, self.margin, aids=len(self.aids))
 
     def numbers(self) -> Limits | None:
-        """`along` as machine code asks it, which keeps no distance from aid vehicles: then None."""
+        """`along` as machine code asks it, which has one least distance; None where two hold."""
         limits = self.situation.constraints
         if self.aids:
-            return None
+            return None if limits.separates else self._apart_from_aids()
         return Limits(
             areas=self.situation.areas,
             min_separation=limits.min_separation,
@@ -68,6 +69,18 @@ class LimitsAhead:
             rounding=ROUNDING,
             margin=self.margin,
             expected=self.expected,
+            drift=self.situation.stream.drift,
+        )
+
+    def _apart_from_aids(self) -> Limits:
+        """Distances to AUVs are not limited, and only aid vehicles are looked at."""
+        return Limits(
+            areas=self.situation.areas,
+            min_separation=self.situation.constraints.min_separation_cna,
+            max_separation=np.inf,
+            rounding=ROUNDING,
+            margin=np.zeros(len(self.aids)),
+            expected=self.aids_ahead,
             drift=self.situation.stream.drift,
         )
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from obsplan.planning.answers import Answer, blamed
 from obsplan.planning.companion import Companion, Route, Turns
@@ -22,7 +23,8 @@ class Team:
     """The planners of several aid vehicles, in the scenario's order.
 
     Where they are ``joint``, each decides in turn given the others' present plans, until none
-    changes or after `ROUNDS`. Those that have not decided yet are expected to hold their turn.
+    changes or after `ROUNDS`. Those that have not decided yet are expected to go on as they decided
+    before, or to hold their turn.
     Planners that do not cooperate (`obsplan.planning.interface.Cooperates`) decide once, alone.
     Where it is not joint all decide at the same time, each as if there were no other; the distance
     to the others is kept, as they are expected to hold their turns.
@@ -53,10 +55,12 @@ class Team:
         speeds: Sequence[float],
         situations: Sequence[Situation],
         ask: Ask,
+        before: Sequence[Route] = (),
     ) -> list[Answer]:
         """What ``ask(member, companions)`` makes of each member's answer.
 
-        Poses have the turn rates, and speeds [m/s] are those, that are still held.
+        Poses have the turn rates, and speeds [m/s] are those, that are still held; ``before`` has
+        the routes of the decisions before, from now on.
         """
         held: list[Route] = [
             Turns(pose, (pose.turn_rate,), speed, current=situation.current)
@@ -64,6 +68,7 @@ class Team:
         ]
         if not self.joint:
             return [ask(k, others(situations, held, k, told=False)) for k in range(len(poses))]
+        held = [*before] or held
         answers: list[Answer] = []
         for k, pose in enumerate(poses):
             answers.append(ask(k, others(situations, held, k)))
@@ -102,6 +107,32 @@ def route_of(decision: Decision, pose: Pose, situation: Situation) -> Route:
     """Where a decision takes the vehicle: the planner's route, or the turn held on."""
     turn, current = (decision.turn_rate,), situation.current
     return decision.route or Turns(pose, turn, decision.speed, current=current)
+
+
+def later(
+    answers: Sequence[Answer],
+    poses: Sequence[Pose],
+    situations: Sequence[Situation],
+    after: float,
+) -> list[Route]:
+    """The routes that decisions at poses plan, some time [s] after them."""
+    known = zip(answers, poses, situations, strict=True)
+    return [
+        Later(route_of(answer.decision, pose, situation), after)
+        for answer, pose, situation in known
+    ]
+
+
+@dataclass(frozen=True)
+class Later:
+    """A route as it is some time later."""
+
+    route: Route
+    after: float  # [s]
+
+    def __call__(self, times: Float[np.ndarray, " T"]) -> Float[np.ndarray, "T 2"]:
+        """Positions over ground [m] at times from then [s]."""
+        return self.route(times + self.after)
 
 
 def same(one: Decision, other: Decision) -> bool:

@@ -29,7 +29,7 @@ from obsplan.planning.interface import (
     checked_start,
 )
 from obsplan.planning.limits import within_limits
-from obsplan.planning.team import Team, members_of, team_of
+from obsplan.planning.team import Team, later, members_of, team_of
 from obsplan.planning.water import in_the_water
 from obsplan.run import Run, Timing
 from obsplan.scenario import Scenario, load
@@ -256,6 +256,7 @@ class ClosedLoop:
         """Advance from decision to decision, calling the planners."""
         steps, every = len(inputs.time), self.scenario.decide_every
         walk, free = Walk(), [self._is_free(planner) for planner in team.members]
+        situations, before = self.scenario.situations, []
         for k in range(0, steps, every):
             n = min(every, steps - k)
             began = perf_counter()
@@ -264,7 +265,8 @@ class ClosedLoop:
             poses = poses_of(carry, k)
             ask = partial(self._ask, poses=poses, auvs=auvs, team=team, time=time, free=free)
             speeds = carry.command[k, :, 1].tolist()
-            answers = team.decide(poses, speeds, self.scenario.situations, ask)
+            answers = team.decide(poses, speeds, situations, ask, before)
+            before = later(answers, poses, situations, n * self.scenario.table.time_step)
             walk.seconds.append(perf_counter() - began)
             for c, (decision, fault) in enumerate(answers):
                 if fault:
