@@ -187,7 +187,7 @@ def _told(
     there = auv[..., at : 2 * at]
     there[..., :2] = tracks.position
     there[..., 2] = tracks.height
-    there[..., 3] = stages.pings_of(M)
+    there[..., 3] = stages.pings if stages.pings.ndim > 1 else stages.pings[:, None]
     if known is not None:
         there[..., 4:] = roots(known)
     auv[1:, :, :at] = there[:-1]  # no ranges before the first stage

@@ -202,9 +202,10 @@ def predicted_tracks(
     position = positions_ahead(auvs, ends)
     moved = position[1:] - position[:-1]
     water = moved / stages.duration[:, None, None] - np.array([auv.current for auv in auvs])
+    heights = [auv.depth - transducer_depth for auv in auvs]
     return Tracks(
         position[1:],
         np.arctan2(water[..., 1], water[..., 0]),
         np.hypot(water[..., 0], water[..., 1]),
-        np.tile([auv.depth - transducer_depth for auv in auvs], (len(moved), 1)),
+        np.array([heights] * len(moved)),
     )
