@@ -13,7 +13,11 @@ class Advance(threading.local):
     """The step a number of times; each thread has memory of its own."""
 
     def __init__(self, step: ca.Function, count: int) -> None:
-        carried = len(Carry._fields)
+        names = step.name_in()
+        self._carried = [name for name in names if name in Carry._fields]
+        self._inputs = [name for name in names if name in Inputs._fields]
+        self._logged = [name for name in step.name_out() if name in Log._fields]
+        carried = len(self._carried)
         steps = in_sequence(step, count, carried)
         sizes = [steps.numel_in(i) for i in range(steps.n_in())]
         given = matrix("given", sum(sizes))
@@ -34,10 +38,11 @@ class Advance(threading.local):
         An array of the carry that has one sample only holds the present one.
         """
         now, after = slice(k, k + self._count), slice(k + 1, k + 1 + self._count)
-        given = [values[k if len(values) > 1 else 0] for values in carry]
-        given += [values[now] for values in inputs]
-        found = [values[after] if len(values) > 1 else values for values in carry]
-        found += [values[now] for values in log]
+        states = [getattr(carry, name) for name in self._carried]
+        given = [values[k if len(values) > 1 else 0] for values in states]
+        given += [getattr(inputs, name)[now] for name in self._inputs]
+        found = [values[after] if len(values) > 1 else values for values in states]
+        found += [getattr(log, name)[now] for name in self._logged]
         for memory, values in zip(self._given, given, strict=True):
             memory[...] = values
         self._call()
