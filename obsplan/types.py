@@ -58,7 +58,8 @@ class Belief:
     deviations per square root of a second of position [m], heading [rad] and speed [m/s], and
     ``depth_noise`` that of a depth that is estimated [m]; ``current`` the water's velocity [m/s],
     by which it is carried; ``depth`` that of its transducer [m], which counts where ranges are
-    slant; ``route`` its planned positions as a function of time from now [s], where they are known.
+    slant; ``doubt`` a standard deviation [m] of each coordinate by which it may be elsewhere, besides
+    what the covariance says; ``route`` its planned positions as a function of time from now [s], where they are known.
 
     ``checked=False`` keeps the arrays themselves, whatever they hold. The simulator asks for it: a
     filter that has failed is for the planner to answer, with a status.
@@ -78,6 +79,7 @@ class Belief:
     weight: float = 1.0
     current: tuple[float, float] = (0.0, 0.0)
     depth: float = 0.0
+    doubt: float = 0.0
     route: Callable[[np.ndarray], np.ndarray] | None = None
     checked: InitVar[bool] = True
 

@@ -20,7 +20,8 @@ AUV = (
     *(f"{name}_before" for name in AT_RANGES),
     *AT_RANGES,
     *("cos", "sin", "speed"),
-    *("east_noise", "north_noise", "heading_noise", "speed_noise", "depth_noise", "weight"),
+    *("east_noise", "north_noise", "heading_noise", "speed_noise", "depth_noise"),
+    *("doubt", "weight"),
 )
 LAW = ("sigma", "growth", "loss", "per_half_distance", "per_reach")  # its numbers
 # Of the horizon, the share; the numbers of the ranging's law; what lost throughput costs, and its
@@ -39,6 +40,7 @@ class Kind(NamedTuple):
     states: int = 4  # of an AUV; with a fifth the depth is one
     aided: bool = False  # whether more is known at ranges than they tell
     linked: bool = False  # whether lost throughput costs
+    doubted: bool = False  # whether means are believed less than covariances say
 
     @property
     def half(self) -> int:
@@ -91,15 +93,16 @@ def of_one(kind: Kind) -> ca.Function:
     duration, _, numbers, link = ca.vertsplit(stage, [0, 1, 2, 2 + len(LAW), len(STAGE)])
     ranging = law(kind.form, numbers)
     at = len(AT_RANGES)
-    before, there, motion, noise, _ = ca.vertsplit(
-        auv, [0, at, 2 * at, 2 * at + 3, -1 + len(AUV), len(AUV)]
+    before, there, motion, noise, own = ca.vertsplit(
+        auv, [0, at, 2 * at, 2 * at + 3, -2 + len(AUV), len(AUV)]
     )
-    begun = _at_ranges(unpack(P, kind.states), pose, before, ranging, kind)
+    doubt = own[0] if kind.doubted else 0.0
+    begun = _at_ranges(unpack(P, kind.states), pose, before, ranging, doubt, kind)
     predicted = predict(begun, motion, noise[: kind.states], duration)
     place = [0, 1, *range(DEPTH, kind.states)]
     known = []
     for k in range(kind.turns):
-        after = _at_ranges(predicted[place, place], poses[:, k], there, ranging, kind)
+        after = _at_ranges(predicted[place, place], poses[:, k], there, ranging, doubt, kind)
         cost = _criterion(after, kind.criterion)
         if kind.linked:
             cost += _lost_throughput(poses[:, k], there, ranging, link)
@@ -108,11 +111,11 @@ def of_one(kind: Kind) -> ca.Function:
     return ca.Function("of_one", [P, auv, pose, poses, stage], outputs, {"cse": True})
 
 
-def _at_ranges(P: SX, pose: SX, there: SX, ranging: Law, kind: Kind) -> SX:
+def _at_ranges(P: SX, pose: SX, there: SX, ranging: Law, doubt: SX | float, kind: Kind) -> SX:
     """What is known once the ranges from a pose have come, and what else is known then."""
     position, height, pings, root = ca.vertsplit(there, [0, 2, 3, 4, len(AT_RANGES)])
     x = pose[:2] - position
-    known = condition_on_range(P, x, law=ranging, pings=pings, height=height)
+    known = condition_on_range(P, x, law=ranging, pings=pings, height=height, doubt=doubt)
     return informed(known, root) if kind.aided else known
 
 

@@ -55,6 +55,7 @@ def search_manoeuvres(
     limits: Limits | None = None,
     known: Float[np.ndarray, "S M 2 2"] | None = None,
     link: Link = FREE,
+    doubts: Float[np.ndarray, " M"] | None = None,
 ) -> Solution:
     """Find the turns, one a stage, after which the AUVs' position covariances are smallest.
 
@@ -90,6 +91,10 @@ def search_manoeuvres(
     link
         What throughput costs that is lost by distance, at the end of each stage, to be added to the
         criterion of each AUV. Nothing is left beyond the ranging's reach.
+    doubts
+        Standard deviations [m] of each coordinate by which AUVs may be elsewhere, besides what their
+        covariances say: the second order of ranges counts them, so the vehicle keeps a distance.
+        Default: 0.
 
     Returns
     -------
@@ -114,9 +119,13 @@ def search_manoeuvres(
         )
     width = min(beam_width, K**S)
     aided, linked = known is not None, link.weight > 0
-    kind = Kind(M, K, ranging.form, criterion, n, aided=aided, linked=linked)
+    doubted = doubts is not None and bool(doubts.any())
+    kind = Kind(M, K, ranging.form, criterion, n, aided=aided, linked=linked, doubted=doubted)
     sequences = beam_of(kind, S, width)
     told = _told(tracks, process_noise, weights, stages, turn_rates, speed, ranging, known, link)
+    if doubted:
+        of_auvs = told[:, : len(AUV) * M].reshape(S, M, len(AUV))
+        of_auvs[..., AUV.index("doubt")] = doubts
     sequences.begin(pose, pack_array(covariance))
     first = worst = 0.0
     if violation is None and first_violation is None:

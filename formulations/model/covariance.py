@@ -136,26 +136,31 @@ def predict(P: SX, motion: SX, noise: SX, duration: SX) -> SX:
     return propagate(P, ca.SX.eye(n) + A * h, grown)
 
 
-def condition_on_range(P: SX, x: SX, *, law: Law, pings: SX, height: SX | float = 0.0) -> SX:
+def condition_on_range(
+    P: SX, x: SX, *, law: Law, pings: SX, height: SX | float = 0.0, doubt: SX | float = 0.0
+) -> SX:
     """Covariance after a number of ranges, or none, from the relative position x; see the module.
 
     P may hold the whole state or, for what becomes of the position alone, its first two components.
     ``height`` is that of the other vehicle's transducer above the AUV's; P with a depth is 5 x 5,
-    or 3 x 3 (east, north, depth).
+    or 3 x 3 (east, north, depth). ``doubt`` is a standard deviation [m] of each coordinate by which
+    the AUV may be elsewhere besides: the second order counts it, though no range will lessen it.
     """
     if law.form.slant:
-        return _condition_on_slant_range(P, x, law, pings, height)
+        return _condition_on_slant_range(P, x, law, pings, height, doubt)
     d2 = ca.fmax(ca.sumsqr(x), NEAREST**2)
     over = 1 / d2
     Px = P[:, :2] @ x
     along = ca.dot(x, Px[:2]) * over
     trace = P[0, 0] + P[1, 1]
+    unknown = doubt**2
     error = variance(law, d2)
     if law.form.squared:
-        second = 0.25 * over * (trace**2 + 2 * ca.sumsqr(P[:2, :2]))
+        spread = P[:2, :2] + unknown * ca.SX.eye(2)
+        second = 0.25 * over * ((trace + 2 * unknown) ** 2 + 2 * ca.sumsqr(spread))
         error *= 0.25 * over
     else:
-        across = trace - along
+        across = trace - along + unknown
         second = 0.75 * over * across**2
     some, count = expected_ranges(law, d2, pings)
     gain = count / ((error + count * (second + along)) * d2)
@@ -163,7 +168,9 @@ def condition_on_range(P: SX, x: SX, *, law: Law, pings: SX, height: SX | float 
     return P - gain * Px @ Px.T
 
 
-def _condition_on_slant_range(P: SX, x: SX, law: Law, pings: SX, height: SX | float) -> SX:
+def _condition_on_slant_range(
+    P: SX, x: SX, law: Law, pings: SX, height: SX | float, doubt: SX | float
+) -> SX:
     """The same over a height."""
     places = [0, 1]
     rho = x
@@ -173,7 +180,9 @@ def _condition_on_slant_range(P: SX, x: SX, law: Law, pings: SX, height: SX | fl
     r2 = ca.fmax(ca.sumsqr(x) + height**2, NEAREST**2)
     Prho = P[:, places] @ rho
     along = ca.dot(rho, Prho[places]) / r2
-    bent = (ca.SX.eye(len(places)) - rho @ rho.T / r2) @ P[places, places]
+    spread = P[places, places]
+    spread[:2, :2] += doubt**2 * ca.SX.eye(2)
+    bent = (ca.SX.eye(len(places)) - rho @ rho.T / r2) @ spread
     second = 0.25 * (ca.trace(bent) ** 2 + 2 * ca.trace(bent @ bent)) / r2
     some, count = expected_ranges(law, r2, pings)
     gain = count / ((variance(law, r2) + count * (second + along)) * r2)

@@ -37,6 +37,9 @@ class InformationHorizon:
     Where pings are frequent, a stage should not leave time for a whole circle: a plan that begins
     with one goes nowhere for as long as decisions come more often than stages end.
 
+    Where a position is doubted (`Belief.doubt`), the second-order error is that of where the AUV
+    may be, so that the vehicle keeps a distance from which its ranges still tell.
+
     What ranges to moored beacons and other aid vehicles are expected to tell is counted as well
     (`obsplan.planning.companion.told`).
 
@@ -150,6 +153,7 @@ class InformationHorizon:
             first_violation=None
             if limits is None
             else limits.first_move(state, turn_rates, cna.speed),
+            doubts=np.array([auv.doubt for auv in auvs]),
             known=told(companions, auvs, time, stages, self.situation.current),
         )
         if not np.isfinite(best.objective):  # a current or a process noise is no number

@@ -21,6 +21,7 @@ ROWS = {  # of each of the targets, where AUVs are columns
     "position_covariance": 3,
     "weight": 1,
     "depth": 1,
+    "doubt": 1,
 }
 EACH = sum(ROWS.values())  # numbers of a call for each AUV
 CONDITION = 4  # entries of a result before the condition numbers
@@ -37,6 +38,7 @@ class Targets(NamedTuple):
     position_covariance: Symbolic  # 3 x M: variance of east, covariance, variance of north [m^2]
     weight: Symbolic  # M
     depth: Symbolic = 0.0  # 1 x M: of their transducers [m]
+    doubt: Symbolic = 0.0  # 1 x M: see `Belief` [m]
 
     @property
     def velocity(self) -> Symbolic:
@@ -170,7 +172,7 @@ def fill(given: np.ndarray, pose: Pose, auvs: Sequence[Belief], time: float) -> 
         (var_east, covariance), (_, var_north) = auv.covariance[:2, :2].tolist()
         given[at : at + 4] = auv.mean
         position = var_east, covariance, var_north
-        given[at + 4 : at + EACH] = *auv.current, *position, auv.weight, auv.depth
+        given[at + 4 : at + EACH] = *auv.current, *position, auv.weight, auv.depth, auv.doubt
         at += EACH
 
 
@@ -190,8 +192,8 @@ def symbols(n_auvs: int, *, more: int = 0) -> Symbols:
     given = matrix("given", known + more)
     columns = ca.reshape(given[OWN:known], EACH, n_auvs)
     ends = np.cumsum([0, *ROWS.values()]).tolist()
-    mean, current, covariance, weight, depth = ca.vertsplit(columns, ends)
-    targets = Targets(mean, current, covariance, weight.T, depth)
+    mean, current, covariance, weight, depth, doubt = ca.vertsplit(columns, ends)
+    targets = Targets(mean, current, covariance, weight.T, depth, doubt)
     return Symbols(given, given[0], given[1:OWN], targets, given[known:])
 
 

@@ -1,6 +1,9 @@
 """Steering laws that planners share, as expressions."""
 
+import math
+
 import casadi as ca
+import numpy as np
 
 from formulations.model.worth import best_distance
 from obsplan.planning.expressions import Symbolic, Targets
@@ -39,12 +42,26 @@ def telling_distance(situation: Situation, targets: Targets, least: Symbolic) ->
     The least where there is no such distance (`formulations.model.worth.best_distance`), as there
     is none where ranges are horizontal.
     """
+    share = targets.weight / ca.sum1(targets.weight)
+    least = ca.fmax(least, _doubted(situation, ca.vec(targets.doubt).T @ share))
     if not situation.ranging.slant:
         return least
-    share = targets.weight / ca.sum1(targets.weight)
     height = ca.vec(targets.depth - situation.transducer_depth).T @ share
     best = best_distance(situation.ranging, height)
     return ca.if_else(best < ca.inf, ca.fmax(least, best), least)
+
+
+def _doubted(situation: Situation, doubt: Symbolic) -> Symbolic:
+    """Distance [m] from which the second order of a doubted position's range is its error at most.
+
+    It is at most the radius of the surveys: from farther nothing tells more. Squared ranges have
+    as much of it at any distance.
+    """
+    ranging, circle = situation.ranging, situation.survey_circle
+    if ranging.squared:
+        return 0.0 * doubt
+    far = np.inf if circle is None else circle.radius
+    return ca.fmin(math.sqrt(0.75) * doubt**2 / ranging.sigma, far)
 
 
 def turn_along(

@@ -17,14 +17,14 @@ NESTED = "__"  # in the name of an argument, for the dot of a key
 
 
 def with_planner(data: dict[str, Any], planner: str | None) -> dict[str, Any]:
-    """The contents with another planner, at the same interval and knowledge."""
+    """The contents with another planner, at the same interval, knowledge and doubt."""
     if planner is None:
         return data
     if not is_own(planner) and planner not in (*PLANNERS, "default"):
         remedy = nearest(planner, [*PLANNERS, "default"])
         raise ObsplanError(f'no planner "{planner}"; {remedy}{OWN}')
     table = data.get("planner", {})
-    kept = {key: table[key] for key in ("interval", "knowledge") if key in table}
+    kept = {key: table[key] for key in ("interval", "knowledge", "doubt") if key in table}
     same = table if table.get("kind") == planner else {}
     return {**data, "planner": {**same, **kept, "kind": planner}}
 

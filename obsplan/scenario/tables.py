@@ -264,6 +264,12 @@ class PlannerTable(Table):
     ranging: dict[str, Any] | None = Field(
         default=None, description=f"what it is told of ranges: {TOLD}; default: as the filter"
     )
+    doubt: Literal["none", "innovations"] = Field(
+        default="none",
+        description="whether reported positions are believed as their covariances say, or doubted "
+        "as far as the AUVs' ranges have differed from what their filters expected: then "
+        "information, trail and centroid-orbit keep a distance that still tells",
+    )
     team: Literal["joint", "alone"] = Field(
         default="joint",
         description="whether several aid vehicles plan given the others' plans, or as if alone",

@@ -18,6 +18,7 @@ class Features(NamedTuple):
     carried: bool  # some aid vehicle is carried by the current
     logged: int  # most numbers that an AUV's speed is measured by at once
     unheard: bool  # reports may be lost whose ranges came
+    doubted: bool  # covariances are believed as far as innovations bear them out
 
     @classmethod
     def of(cls, scenario: Scenario) -> "Features":
@@ -34,4 +35,5 @@ class Features(NamedTuple):
             carried=any(aid.carried for aid in aids_of(scenario.table)),
             logged=max(len(components) for components in scenario.true_logs),
             unheard=communication.loss > 0 or communication.half_distance is not None,
+            doubted=scenario.table.planner.doubt == "innovations",
         )

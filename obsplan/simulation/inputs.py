@@ -179,7 +179,8 @@ def first_carry(
     lower = pack_array(first_covariance(scenario, scenario.filter_states))
     cna = np.array([[start.x, start.y, start.heading] for start in starts])
     command = np.array([[0.0, aid.speed] for aid in scenario.aids])
+    excess = np.zeros((len(mean), int(Features.of(scenario).doubted)))
     # nothing is on its way yet: what waits for no step never arrives
-    report = np.concatenate([mean, lower, np.zeros((len(mean), 1))], axis=1)
+    report = np.concatenate([mean, lower, excess, np.zeros((len(mean), 1))], axis=1)
     in_flight = np.tile(report, scenario.in_flight)
-    return Carry(cna, command, truth, mean, lower, mean, lower, in_flight)
+    return Carry(cna, command, truth, mean, lower, mean, lower, in_flight, excess, excess)

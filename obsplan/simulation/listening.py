@@ -32,45 +32,52 @@ class Listening(NamedTuple):
     kind: Kind
     beacons: list[SX]
 
-    def step(self, own: Own, x: SX, P: SX, heard: SX) -> dict[str, SX]:
+    def step(self, own: Own, report: SX, heard: SX) -> dict[str, SX]:
         """Last report and reports on their way at the step's end.
 
-        ``heard`` says whether one is made of the filter's x and packed P.
+        ``heard`` says whether a report is made: the filter's mean, packed covariance and excess.
         """
         if self.scenario.communication.reports == SILENT:
             return self._rehearsed(own)
-        known = self._reckoned(own.reported, own.reported_covariance, own)
-        m, in_flight = len(self.scenario.filter_states), ca.SX(0, 1)
+        last = ca.vertcat(own.reported, own.reported_covariance, own.reported_excess)
+        known, in_flight = self._reckoned(last, own), ca.SX(0, 1)
         if not own.in_flight.numel():
-            known = ca.if_else(heard, ca.vertcat(x, P), known)
+            known = ca.if_else(heard, report, known)
         else:
             known, in_flight = self._delivered(own, known)
-            made = ca.vertcat(x, P, self.scenario.late)
+            made = ca.vertcat(report, self.scenario.late)
             pushed = ca.vertcat(made, in_flight[: -made.numel()])
             in_flight = ca.if_else(heard, pushed, in_flight)
-        return {"reported": known[:m], "reported_covariance": known[m:], "in_flight": in_flight}
+        mean, covariance, excess = self._parts(known)
+        found = {"reported": mean, "reported_covariance": covariance, "reported_excess": excess}
+        return found | {"in_flight": in_flight}
+
+    def _parts(self, report: SX) -> list[SX]:
+        """Mean, packed covariance and excess of a report."""
+        m = len(self.scenario.filter_states)
+        return ca.vertsplit(report, [0, m, m + m * (m + 1) // 2, report.numel()])
 
     def _delivered(self, own: Own, known: SX) -> tuple[SX, SX]:
         """What is known after reports that are due have arrived, and all that were on their way.
 
         They are dead-reckoned meanwhile, the newest first.
         """
-        m = len(self.scenario.filter_states)
         moved = []
         for report in ca.vertsplit(own.in_flight, known.numel() + 1):
-            reckoned = self._reckoned(report[:m], report[m:-1], own)
+            reckoned = self._reckoned(report[:-1], own)
             wait = report[-1] - 1
             known = ca.if_else(wait == 0, reckoned, known)
             moved.append(ca.vertcat(reckoned, wait))
         return known, ca.vertcat(*moved)
 
-    def _reckoned(self, mean: SX, packed: SX, own: Own) -> SX:
-        """Mean and packed covariance dead-reckoned over the step: straight on, or as surveyed."""
+    def _reckoned(self, report: SX, own: Own) -> SX:
+        """A report dead-reckoned over the step: straight on, or as surveyed."""
+        mean, packed, excess = self._parts(report)
         along = self.scenario.table.planner.knowledge == "estimate-and-survey"
         turns = own.steer - mean[2:BASIC] if along else ca.SX.zeros(2)
         P = unpack(packed, mean.numel())
         mean, P = self.scenario.estimator.predict(mean, P, turns, self.kind.process)
-        return ca.vertcat(mean, pack(P))
+        return ca.vertcat(mean, pack(P), excess)
 
     def _rehearsed(self, own: Own) -> dict[str, SX]:
         """The AUV's filter on its survey, with the measurements to be expected and no error.
@@ -87,7 +94,10 @@ class Listening(NamedTuple):
             expected = sensor.measure(x, beacon)
             _, told = filtering.update(x, P, expected, sensor, beacon)
             P = P + share * (told - P)
-        return {"reported": x, "reported_covariance": pack(P), "in_flight": ca.SX(0, 1)}
+        return {"reported": x, "reported_covariance": pack(P)} | {
+            "in_flight": ca.SX(0, 1),
+            "reported_excess": own.reported_excess,
+        }
 
     def _expected(self, x: SX, own: Own) -> list[tuple[Sensor, SX, SX]]:
         """Compass, log, range and bearing sensors, their beacons, and whether they measure.

@@ -327,6 +327,8 @@ class ClosedLoop:
         told = {"survey": inputs.survey[k], "truth": carry.truth[k]}.get(knowledge, reported)
         means = told[:, :BASIC].copy()  # of the truth, say, which no planner moves
         covariances = unpack_array(carry.reported_covariance[0])[:, :BASIC, :BASIC]
+        excess = carry.reported_excess[0]
+        doubts = np.sqrt(np.maximum(excess[:, 0], 0.0)) if excess.size else np.zeros(len(means))
         for told_to_planner in (means, covariances):
             told_to_planner.setflags(write=False)
         routes = [
@@ -341,16 +343,18 @@ class ClosedLoop:
                 weight=auv.weight,
                 current=current,
                 depth=depth,
+                doubt=float(doubt),
                 route=along,
                 checked=False,
             )
-            for mean, covariance, noise, auv, current, depth, along in zip(
+            for mean, covariance, noise, auv, current, depth, doubt, along in zip(
                 means,
                 covariances,
                 self._noises,
                 scenario.table.auv,
                 scenario.assumed_currents,
                 scenario.depths[k].tolist(),
+                doubts,
                 routes,
                 strict=True,
             )

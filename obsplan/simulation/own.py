@@ -16,6 +16,8 @@ class Own(NamedTuple):
     reported: SX
     reported_covariance: SX
     in_flight: SX
+    excess: SX
+    reported_excess: SX
     survey: SX
     steer: SX
     disturbance: SX

@@ -36,10 +36,12 @@ class Carry(NamedTuple):
     reported: Any  # m x M, the mean as last reported at a ping and dead-reckoned since
     reported_covariance: Any  # as covariance
     in_flight: Any  # reports on their way, each: mean, covariance, steps until it arrives
+    excess: Any  # 1 x M, of squared innovations over what filters expect, a running mean [m^2]
+    reported_excess: Any  # as last reported; both are none where nothing is doubted
 
 
 # of Carry, what no run records: arrays have the present sample only
-HELD = ("reported", "reported_covariance", "in_flight")
+HELD = ("reported", "reported_covariance", "in_flight", "excess", "reported_excess")
 
 
 class Inputs(NamedTuple):
@@ -86,7 +88,10 @@ OF_ALL = ("time", "decide")  # one column
 OF_AID = ("cna", "command", "given", "score", "status", "stream")
 
 # of each AUV, what its part of the step is told of Carry and Inputs
-OF_AUV = ("truth", "mean", "covariance", "reported", "reported_covariance", "in_flight")
+OF_AUV = (
+    *("truth", "mean", "covariance", "reported", "reported_covariance"),
+    *("in_flight", "excess", "reported_excess"),
+)
 GIVEN_AUV = (
     *("survey", "steer", "disturbance", "ping", "heading_error", "range_error"),
     *("chance", "false", "repeated", "depth", "depth_error", "bearing_error"),
@@ -108,8 +113,9 @@ def shape_of(name: str, scenario: Scenario) -> tuple[int, int]:
     rows |= {"false": 2 * beacons * has.false, "depth": has.deep, "depth_error": has.deep}
     rows |= {"log": has.logged > 0, "log_error": has.logged}
     rows |= {"water": 2 * has.varying, "stream": 2 * has.carried}
-    rows |= {"in_flight": scenario.in_flight * (m + half + 1)}
-    rows |= {"report_chance": beacons * has.unheard}
+    rows |= {"in_flight": scenario.in_flight * (m + half + has.doubted + 1)}
+    rows |= {"report_chance": beacons * has.unheard, "excess": has.doubted}
+    rows |= {"reported_excess": has.doubted}
     rows |= {"bearing_error": beacons * has.bearing, "bearing": beacons * has.bearing}
     columns = len(scenario.table.auv)
     if name in OF_ALL or name in OF_AID:
@@ -211,7 +217,9 @@ class StepBuilder:
         position = carry.reported_covariance[[0, 1, second], :]
         deep = Features.of(self.scenario).deep
         depth = inputs.survey[BASIC:, :] if deep else ca.DM.zeros(1, len(auvs))
-        return Targets(known, current, position, weight, depth)
+        doubt = carry.reported_excess
+        doubt = ca.sqrt(ca.fmax(doubt, 0.0)) if doubt.numel() else ca.DM.zeros(1, len(auvs))
+        return Targets(known, current, position, weight, depth, doubt)
 
     def _fleet(self, cna: ca.MX, command: ca.MX, carry: Carry, inputs: Inputs) -> list[ca.MX]:
         """Each of `FOUND` of all AUVs at the step's end."""

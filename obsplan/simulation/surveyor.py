@@ -9,14 +9,18 @@ import numpy as np
 from formulations.model.casadi import SX
 from formulations.model.covariance import pack, unpack
 from formulations.model.ranging import Ranging, arrival, law_of
+from obsplan.estimators.jacobian import jacobian
 from obsplan.scenario import Scenario
 from obsplan.scenario.beacons import law_told
 from obsplan.scenario.communication import SILENT
 from obsplan.scenario.states import BASIC
-from obsplan.sensors import Range
+from obsplan.sensors import Range, Sensor
 from obsplan.simulation.features import Features
 from obsplan.simulation.listening import Listening, apart2
 from obsplan.simulation.own import Kind, Own
+
+# of the newest range in the mean excess of squared innovations: it remembers the last four or so
+NEWEST = 0.25
 
 
 class Fleet(NamedTuple):
@@ -70,9 +74,12 @@ class Surveyor(NamedTuple):
         x, P = filtering.update(x, P, heading, compass, nowhere)
         if self.kind.logs:
             x, P = self._logged(after, x, P, own)
-        x, P, heard, measured = self._ranged(after, x, P, own)
-        known = Listening(scenario, self.kind, self.fleet.beacons).step(own, x, P, heard)
-        return measured | known | {"truth": after, "mean": x, "covariance": P, "report": heard}
+        x, P, excess, heard, measured = self._ranged(after, x, P, own)
+        known = Listening(scenario, self.kind, self.fleet.beacons).step(
+            own, ca.vertcat(x, P, excess), heard
+        )
+        found = {"truth": after, "mean": x, "covariance": P, "excess": excess, "report": heard}
+        return measured | known | found
 
     def _logged(self, truth: SX, x: SX, P: SX, own: Own) -> tuple[SX, SX]:
         """Filter after its speed was measured, where it was."""
@@ -83,20 +90,23 @@ class Surveyor(NamedTuple):
             x, P = self.scenario.estimator.update(x, P, z, assumed, told)
         return ca.if_else(own.log, x, before), ca.if_else(own.log, P, before_P)
 
-    def _ranged(self, truth: SX, x: SX, P: SX, own: Own) -> tuple[SX, SX, SX, dict[str, SX]]:
+    def _ranged(self, truth: SX, x: SX, P: SX, own: Own) -> tuple[SX, SX, SX, SX, dict[str, SX]]:
         """Filter after the ranges of all beacons, whether an aid vehicle heard it, and what came.
 
-        The covariance is packed.
+        The covariance is packed; after it comes the excess of innovations.
         """
         scenario, filtering = self.scenario, self.scenario.estimator
         has, m = Features.of(scenario), len(scenario.filter_states)
         P = pack(P)
-        ranges, bearings, heard = [], [], ca.SX(0.0)
+        ranges, bearings, heard, excess = [], [], ca.SX(0.0), own.excess
         for b, beacon in enumerate(scenario.beacons):
             seen, told = self._true(b, own), self._told(b, own)
             came = self._came(b, truth, seen, own)
             z = self._range(b, truth, seen, own)
             update = partial(filtering.update, sensor=scenario.filter_sensor, beacon=told)
+            if has.doubted:
+                newest = unexplained(x, unpack(P, m), z, scenario.filter_sensor, told)
+                excess = ca.if_else(came, excess + NEWEST * (newest - excess), excess)
             ranged, ranged_P = update(x, unpack(P, m), z)
             if has.repeated:
                 again = partial(ca.if_else, own.repeated[b])
@@ -113,7 +123,7 @@ class Surveyor(NamedTuple):
                 reported = self._reported(b, came, truth, seen, own)
                 heard = reported if len(scenario.beacons) == 1 else ca.fmax(heard, reported)
         found = {"range": ca.vertcat(*ranges), "bearing": ca.vertcat(ca.SX(0, 1), *bearings)}
-        return x, P, heard, found
+        return x, P, excess, heard, found
 
     def _range(self, b: int, truth: SX, beacon: SX, own: Own) -> SX:
         """The range that an instrument gives, never negative; a squared range as the thesis has it.
@@ -160,3 +170,19 @@ class Surveyor(NamedTuple):
         deep = Features.of(self.scenario).deep
         depth = own.depth + own.depth_error if deep else ca.SX(0.0)
         return ca.vertcat(self.fleet.beacons[b], depth, *self.kind.current)
+
+
+def unexplained(x: SX, P: SX, z: SX, sensor: Sensor, beacon: SX) -> SX:
+    """By how much a squared innovation exceeds what the filter expects [m^2]; 0 in the mean.
+
+    It is the innovation that the filter neglects, as in covariance matching (Mehra 1972), in metres
+    along the line of sight.
+    """
+    H = jacobian(lambda state: sensor.measure(state, beacon), x)
+    innovation = z - sensor.measure(x, beacon)
+    if sensor.periodic:
+        innovation = ca.atan2(ca.sin(innovation), ca.cos(innovation))
+    expected = H @ P @ H.T + sensor.deviation(x, beacon) ** 2
+    # a squared range's unit per metre; a slant range from above tells of no place: at least 1
+    per_square_metre = ca.fmax(1.0, ca.sumsqr(H[:2]))
+    return (innovation**2 - expected) / per_square_metre
