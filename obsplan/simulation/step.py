@@ -246,7 +246,8 @@ class StepBuilder:
         by_aid = [ca.reshape(column, -1, aids) for column in shared]
         fleet = Fleet.of(self.scenario, *by_aid)
         results = Surveyor(self.scenario, kind, fleet).step(Own(**own))
-        found = [ca.densify(results[name]) for name in FOUND]
+        # what truth, filter and its second update of a range have in common is computed once
+        found = ca.cse([ca.densify(results[name]) for name in FOUND])
         return ca.Function("of_one", [*own.values(), *shared], found)
 
     def _kind(self, i: int) -> Kind:
