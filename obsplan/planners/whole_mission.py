@@ -214,6 +214,16 @@ class WholeMission:
         after = slice(first, None)
         since = filed.time[after] - filed.time[first]
         drift = self.situation.stream.drift(since)
+        beacons = [
+            Beacon(
+                position=frame.positions(one.route(since) - drift),
+                ranging=one.ranging,
+                schedule=self._sampled(one.schedule),
+                depth=one.depth,
+            )
+            for one in self.situation.companions
+            if one.ranging is not None
+        ]
         courses = np.stack([np.cos(filed.heading[after]), np.sin(filed.heading[after])], axis=-1)
         total = filed.weights.sum()
         alike = np.full(filed.weights.size, 1 / filed.weights.size)
@@ -229,16 +239,7 @@ class WholeMission:
             weights=filed.weights / total if total > 0 else alike,
             compass=self.situation.heading_sigma,
             vehicles=vehicles,
-            beacons=tuple(
-                Beacon(
-                    position=frame.positions(one.route(since) - drift),
-                    ranging=one.ranging,
-                    schedule=self._sampled(one.schedule),
-                    depth=one.depth,
-                )
-                for one in self.situation.companions
-                if one.ranging is not None
-            ),
+            beacons=tuple(beacons),
             separation=(self.constraints.min_separation_cna, np.inf),
         )
 
