@@ -58,8 +58,9 @@ class Belief:
     deviations per square root of a second of position [m], heading [rad] and speed [m/s], and
     ``depth_noise`` that of a depth that is estimated [m]; ``current`` the water's velocity [m/s],
     by which it is carried; ``depth`` that of its transducer [m], which counts where ranges are
-    slant; ``doubt`` a standard deviation [m] of each coordinate by which it may be elsewhere, besides
-    what the covariance says; ``route`` its planned positions as a function of time from now [s], where they are known.
+    slant; ``doubt`` a standard deviation [m] of each coordinate by which it may be elsewhere,
+    besides what the covariance says; ``route`` its planned positions as a function of time from now
+    [s], where they are known.
 
     ``checked=False`` keeps the arrays themselves, whatever they hold. The simulator asks for it: a
     filter that has failed is for the planner to answer, with a status.
@@ -67,9 +68,9 @@ class Belief:
     Raises
     ------
     ValueError
-        A negative weight, a mean that is not 4 numbers, or a covariance that is not 4 x 4 or 5 x 5,
-        symmetric and positive semidefinite within rounding. One that is not finite is accepted, and
-        planners answer it with a status.
+        A negative weight or doubt, a mean that is not 4 numbers, or a covariance that is not 4 x 4
+        or 5 x 5, symmetric and positive semidefinite within rounding. One that is not finite is
+        accepted, and planners answer it with a status.
     """
 
     mean: Float[np.ndarray, "4"]
@@ -86,6 +87,8 @@ class Belief:
     def __post_init__(self, checked: bool) -> None:
         if not self.weight >= 0:
             raise ValueError(f"weight of an AUV must be at least 0, got {self.weight}")
+        if checked and not self.doubt >= 0:
+            raise ValueError(f"doubt of an AUV must be at least 0 m, got {self.doubt}")
         if checked:
             object.__setattr__(self, "mean", _checked_mean(self.mean))
             object.__setattr__(self, "covariance", _checked_covariance(self.covariance))

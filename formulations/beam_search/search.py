@@ -92,9 +92,9 @@ def search_manoeuvres(
         What throughput costs that is lost by distance, at the end of each stage, to be added to the
         criterion of each AUV. Nothing is left beyond the ranging's reach.
     doubts
-        Standard deviations [m] of each coordinate by which AUVs may be elsewhere, besides what their
-        covariances say: the second order of ranges counts them, so the vehicle keeps a distance.
-        Default: 0.
+        Standard deviations [m] of each coordinate by which AUVs may be elsewhere, besides what
+        their covariances say: the second order of ranges counts them, so the vehicle keeps a
+        distance. Default: 0.
 
     Returns
     -------

@@ -216,11 +216,12 @@ def conditioned(
     ranging: Ranging,
     pings: float | Float[np.ndarray, "*#batch"],
     height: float | Float[np.ndarray, "*#batch"] = 0.0,
+    doubt: float | Float[np.ndarray, "*#batch"] = 0.0,
 ) -> Float[np.ndarray, "*batch n n"]:
     """`condition_on_range` of arrays."""
     function = _condition_on_range(ranging.form, P.shape[-1])
-    numbers = np.array(ranging.numbers)
-    return of_each(function, P, x, numbers, np.asarray(pings), np.asarray(height))[0]
+    numbers, given = np.array(ranging.numbers), (pings, height, doubt)
+    return of_each(function, P, x, numbers, *(np.asarray(a) for a in given))[0]
 
 
 def motions(
@@ -245,6 +246,8 @@ def _predict(n: int) -> ca.Function:
 @cache
 def _condition_on_range(form: Form, n: int) -> ca.Function:
     P, x, numbers = symbol("P", n, n), symbol("x", 2), symbol("law", NUMBERS)
-    pings, height = symbol("pings"), symbol("height")
-    after = condition_on_range(P, x, law=law(form, numbers), pings=pings, height=height)
-    return ca.Function("condition", [P, x, numbers, pings, height], [after])
+    pings, height, doubt = symbol("pings"), symbol("height"), symbol("doubt")
+    after = condition_on_range(
+        P, x, law=law(form, numbers), pings=pings, height=height, doubt=doubt
+    )
+    return ca.Function("condition", [P, x, numbers, pings, height, doubt], [after])

@@ -38,7 +38,7 @@ class CommunicationTable(Table):
 
 
 def check_communication(
-    communication: CommunicationTable, knowledge: str
+    communication: CommunicationTable, knowledge: str, doubt: str
 ) -> tuple[str, str] | None:
     """What of a scenario's communication cannot be: the key, and a sentence with the remedy."""
     silent = communication.reports == SILENT
@@ -51,6 +51,11 @@ def check_communication(
         return "planner.knowledge", (
             f'"{knowledge}" is what AUVs report, and communication.reports = "none": planners '
             'would only dead-reckon from the first estimate; set planner.knowledge = "survey"'
+        )
+    if silent and doubt != "none":
+        return "planner.doubt", (
+            f'"{doubt}" of AUVs come with what they report, and communication.reports = "none": '
+            'set planner.doubt = "none"'
         )
     if communication.throughput_half_distance and not communication.throughput:
         return "communication.throughput_half_distance", (

@@ -71,7 +71,8 @@ class Scenario(Equipment):
         _ = self.motions, self.ping_every, self.decide_every, self.constraints
         _ = self.vehicles, self.range_sensor, self.estimator, self.speed_sensors, self.log_every
         _ = self.filter_sensor, self.planner_sensor, self.beacons, self.offsets, self.depths
-        wrong = check_communication(self.communication, self.table.planner.knowledge)
+        planner = self.table.planner
+        wrong = check_communication(self.communication, planner.knowledge, planner.doubt)
         if wrong is not None:
             raise self.error(*wrong)
         _ = self.in_flight

@@ -35,6 +35,7 @@ from obsplan.run import Run, Timing
 from obsplan.scenario import Scenario, load
 from obsplan.scenario.states import BASIC
 from obsplan.simulation.advance import Advance
+from obsplan.simulation.doubt import doubts
 from obsplan.simulation.inputs import mission_inputs
 from obsplan.simulation.recorded import record
 from obsplan.simulation.step import HELD, Carry, Inputs, Log, StepBuilder, folded, shape_of
@@ -327,8 +328,6 @@ class ClosedLoop:
         told = {"survey": inputs.survey[k], "truth": carry.truth[k]}.get(knowledge, reported)
         means = told[:, :BASIC].copy()  # of the truth, say, which no planner moves
         covariances = unpack_array(carry.reported_covariance[0])[:, :BASIC, :BASIC]
-        excess = carry.reported_excess[0]
-        doubts = np.sqrt(np.maximum(excess[:, 0], 0.0)) if excess.size else np.zeros(len(means))
         for told_to_planner in (means, covariances):
             told_to_planner.setflags(write=False)
         routes = [
@@ -343,7 +342,7 @@ class ClosedLoop:
                 weight=auv.weight,
                 current=current,
                 depth=depth,
-                doubt=float(doubt),
+                doubt=doubt,
                 route=along,
                 checked=False,
             )
@@ -354,7 +353,7 @@ class ClosedLoop:
                 scenario.table.auv,
                 scenario.assumed_currents,
                 scenario.depths[k].tolist(),
-                doubts,
+                doubts(carry.reported_excess[0]).tolist(),
                 routes,
                 strict=True,
             )

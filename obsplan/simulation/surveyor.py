@@ -9,18 +9,15 @@ import numpy as np
 from formulations.model.casadi import SX
 from formulations.model.covariance import pack, unpack
 from formulations.model.ranging import Ranging, arrival, law_of
-from obsplan.estimators.jacobian import jacobian
 from obsplan.scenario import Scenario
 from obsplan.scenario.beacons import law_told
 from obsplan.scenario.communication import SILENT
 from obsplan.scenario.states import BASIC
-from obsplan.sensors import Range, Sensor
+from obsplan.sensors import Range
+from obsplan.simulation.doubt import NEWEST, unexplained
 from obsplan.simulation.features import Features
 from obsplan.simulation.listening import Listening, apart2
 from obsplan.simulation.own import Kind, Own
-
-# of the newest range in the mean excess of squared innovations: it remembers the last four or so
-NEWEST = 0.25
 
 
 class Fleet(NamedTuple):
@@ -170,19 +167,3 @@ class Surveyor(NamedTuple):
         deep = Features.of(self.scenario).deep
         depth = own.depth + own.depth_error if deep else ca.SX(0.0)
         return ca.vertcat(self.fleet.beacons[b], depth, *self.kind.current)
-
-
-def unexplained(x: SX, P: SX, z: SX, sensor: Sensor, beacon: SX) -> SX:
-    """By how much a squared innovation exceeds what the filter expects [m^2]; 0 in the mean.
-
-    It is the innovation that the filter neglects, as in covariance matching (Mehra 1972), in metres
-    along the line of sight.
-    """
-    H = jacobian(lambda state: sensor.measure(state, beacon), x)
-    innovation = z - sensor.measure(x, beacon)
-    if sensor.periodic:
-        innovation = ca.atan2(ca.sin(innovation), ca.cos(innovation))
-    expected = H @ P @ H.T + sensor.deviation(x, beacon) ** 2
-    # a squared range's unit per metre; a slant range from above tells of no place: at least 1
-    per_square_metre = ca.fmax(1.0, ca.sumsqr(H[:2]))
-    return (innovation**2 - expected) / per_square_metre
