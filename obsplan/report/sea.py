@@ -6,7 +6,8 @@ import numpy as np
 
 from obsplan.report.words import clock
 from obsplan.run import Run
-from obsplan.scenario.tables import RangingTable, aids_of
+from obsplan.scenario.ranging import RangingTable
+from obsplan.scenario.tables import aids_of
 from obsplan.simulation.arrivals import Arrivals
 
 # keys of [ranging] that no filter and no planner knows, at work if not 0

@@ -8,7 +8,8 @@ from jaxtyping import Bool, Float
 from formulations.model.ranging import Ranging
 from formulations.model.schedule import Schedule
 from obsplan.planning.companion import Companion, Moored
-from obsplan.scenario.tables import RangingTable, ScenarioTable, aids_of
+from obsplan.scenario.ranging import RangingTable
+from obsplan.scenario.tables import ScenarioTable, aids_of
 from obsplan.sensors.sensor import KnowsLaw, Sensor
 
 PLACES = 1e-6  # of a step: times this near to a sample are the sample's

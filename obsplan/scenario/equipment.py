@@ -16,7 +16,8 @@ from obsplan.scenario.choice import options
 from obsplan.scenario.communication import CommunicationTable
 from obsplan.scenario.environment import water_of
 from obsplan.scenario.messages import as_error
-from obsplan.scenario.tables import RANGING, RangingTable, ScenarioTable, aids_of
+from obsplan.scenario.ranging import RANGING, RangingTable
+from obsplan.scenario.tables import ScenarioTable, aids_of
 from obsplan.scenario.trial import try_estimator, try_sensor, try_vehicle
 from obsplan.sensors import (
     SENSORS,
