@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from oracles import arc, scenario
 
 import obsplan as op
-from obsplan.constraints import UNLIMITED, Constraints, Disc, Polygon, first_move_violation
+from obsplan.constraints import UNLIMITED, Constraints, Disc, Polygon
+from obsplan.next_move import first_move_violation
 
 U_SHAPE = (
     (0.0, 0.0),

@@ -8,8 +8,8 @@ from oracles import Spy, arc, scenario
 
 import obsplan as op
 from formulations.solution import Status
-from obsplan.constraints import Stream, loiter_violation
 from obsplan.estimators import Ekf
+from obsplan.next_move import Stream, loiter_violation
 from obsplan.planners import planner_class
 from obsplan.planners.circle import Circle
 from obsplan.planners.whole_mission import WholeMission

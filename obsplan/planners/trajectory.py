@@ -20,7 +20,8 @@ from formulations.trajectory import (
     freer_side,
     optimise,
 )
-from obsplan.constraints import Constraints, Disc, Polygon, loiter_violation
+from obsplan.constraints import Constraints, Disc, Polygon
+from obsplan.next_move import loiter_violation
 from obsplan.planning.checks import check_choices, check_situation
 from obsplan.planning.fallback import straight_on, unusable
 from obsplan.planning.interface import Progress

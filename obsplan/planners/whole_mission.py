@@ -4,29 +4,26 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float
 
-from formulations.model.arcs import path
 from formulations.model.frames import Frame
 from formulations.model.schedule import ROUNDING, Schedule, intervals, is_multiple
-from formulations.solution import Solution
 from formulations.whole_mission import AidVehicle, Beacon, Problem, optimise
-from obsplan.constraints import STILL, Constraints, Stream
+from obsplan.constraints import Constraints
 from obsplan.planning.checks import check_situation
 from obsplan.planning.fallback import unusable
 from obsplan.planning.filed import Filed
 from obsplan.planning.limits import SURE
+from obsplan.planning.open_loop import OpenLoopPlan
 from obsplan.planning.situation import Situation
 from obsplan.quantities import INTERVAL, SEED, STARTS
 from obsplan.types import Belief, Decision, ObsplanError, Pose
-from obsplan.vehicles import Unicycle
 
 MOST_TURNS = 400  # of a mission
-ON_PLAN = 1e-3  # [m], [rad]; a vehicle nearer than that to where its plan has it follows it
 KEPT = 64  # plans of one planner
 # Decimals [m], [m/s]: the same world seen from other axes is the same problem to the last bit.
 PLACES = 9
@@ -227,16 +224,19 @@ class WholeMission:
         courses = np.stack([np.cos(filed.heading[after]), np.sin(filed.heading[after])], axis=-1)
         total = filed.weights.sum()
         alike = np.full(filed.weights.size, 1 / filed.weights.size)
+        weights = filed.weights / total if total > 0 else alike
+        position = frame.positions(filed.position[after] - drift[:, None])
+        heading = frame.directions(courses)
         return Problem(
             time_step=filed.time_step,
             begin=first * filed.time_step,
-            position=np.round(frame.positions(filed.position[after] - drift[:, None]), PLACES),
-            heading=np.round(frame.directions(courses), PLACES),
+            position=np.round(position, PLACES),
+            heading=np.round(heading, PLACES),
             speed=np.round(filed.speed[after], PLACES),
             depth=filed.depth[after],
             covariance=seen_covariances(frame, filed.covariance),
             process_noise=filed.process_noise,
-            weights=filed.weights / total if total > 0 else alike,
+            weights=weights,
             compass=self.situation.heading_sigma,
             vehicles=vehicles,
             beacons=tuple(beacons),
@@ -373,60 +373,3 @@ class Limits:
     def _margin(self) -> Float[np.ndarray, "auvs samples"]:
         filed = self.planner.filed
         return (SURE * filed.straying + 0.5 * filed.strides).T
-
-
-@dataclass(frozen=True, eq=False)
-class OpenLoopPlan:
-    """A plan in the water, which may flow, from where and when it begins."""
-
-    cna: Unicycle
-    start: Pose
-    begin: float  # [s]
-    turn_rates: Float[np.ndarray, " n"]  # [rad/s]
-    duration: float  # of each turn [s]
-    plan: Solution
-    stream: Stream = STILL
-
-    def passes(self, pose: Pose, time: float) -> bool:
-        """Whether the plan has the vehicle at a pose at a time.
-
-        Water that flows may take it elsewhere than was known before: there its heading alone tells.
-        """
-        if time < self.begin:
-            return False
-        x, y, heading = self.poses(self.start, self.begin, time)[-1]
-        turned = np.remainder(heading - pose.heading + np.pi, 2 * np.pi) - np.pi
-        away = math.hypot(x - pose.x, y - pose.y)
-        carried = bool(self.stream) and time > self.begin
-        return bool(abs(turned) < ON_PLAN and (carried or away < ON_PLAN))
-
-    def poses(self, pose: Pose, begin: float, end: float) -> Float[np.ndarray, "some 3"]:
-        """Poses (east, north, heading) at the ends of the turns between two times, from a pose."""
-        edges = self.begin + np.arange(1, self.turn_rates.size) * self.duration
-        times = np.concatenate(
-            [
-                [begin],
-                edges[(edges > begin + ROUNDING) & (edges < end - ROUNDING)],
-                [max(begin, end)],
-            ]
-        )
-        turns = np.array([self.turn_rate(float(time)) for time in times[:-1]])
-        start = np.array([pose.x, pose.y, pose.heading])
-        return path(start, turns, self.cna.speed, np.diff(times))
-
-    def turn_rate(self, time: float) -> float:
-        """Turn rate [rad/s] from a time on; after the mission the last one."""
-        turn = int(intervals(time - self.begin, self.duration))
-        return float(self.turn_rates[min(max(turn, 0), self.turn_rates.size - 1)])
-
-    def decision(self, pose: Pose, time: float, n_auvs: int) -> Decision:
-        """The turn of this time, and the path from here to the mission's end."""
-        end = max(self.begin + self.turn_rates.size * self.duration, time + self.duration)
-        return Decision(
-            turn_rate=self.turn_rate(time),
-            speed=self.cna.speed,
-            predict=partial(self.poses, pose, time, end),
-            score=self.plan.objective,
-            status=self.plan.status,
-            condition=np.full(n_auvs, np.nan),
-        )

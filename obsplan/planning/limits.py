@@ -9,7 +9,8 @@ from jaxtyping import Float
 
 from formulations.beam_search.limits import Limits
 from formulations.solution import Status
-from obsplan.constraints import ROUNDING, first_move_violation
+from obsplan.constraints import ROUNDING
+from obsplan.next_move import first_move_violation
 from obsplan.planning.companion import Companion
 from obsplan.planning.fallback import predict_path
 from obsplan.planning.situation import Situation

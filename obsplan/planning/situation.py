@@ -7,7 +7,8 @@ from functools import cached_property
 from formulations.beam_search.limits import Areas
 from formulations.model.ranging import Ranging
 from formulations.model.schedule import Schedule
-from obsplan.constraints import UNLIMITED, Constraints, Disc, Stream
+from obsplan.constraints import UNLIMITED, Constraints, Disc
+from obsplan.next_move import Stream
 from obsplan.planning.checks import check_positive
 from obsplan.planning.companion import Companion
 from obsplan.planning.filed import Filed

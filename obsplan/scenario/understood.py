@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from obsplan.constraints import Constraints, loiter_violation
+from obsplan.constraints import Constraints
 from obsplan.missions import Area, Mission, Track, read_mission, to_local
 from obsplan.missions.mission import FARTHEST, Point
+from obsplan.next_move import loiter_violation
 from obsplan.scenario.areas import Shape, common, shape_of
 from obsplan.scenario.plausible import (
     check_duration,

@@ -1,4 +1,4 @@
-"""Some time steps in one call, on memory that is kept from call to call."""
+"""Some time steps in one call, on memory that is kept from call to call, and a mission's memory."""
 
 import threading
 
@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from formulations.model.casadi import Call, in_sequence, matrix
+from formulations.model.covariance import unpack_array
 from obsplan.simulation.step import Carry, Inputs, Log
 
 
@@ -55,3 +56,28 @@ def _parts(column: np.ndarray, shapes: list[tuple[int, ...]]) -> list[np.ndarray
     ends = np.cumsum([np.prod(shape) for shape in shapes])
     parts = np.split(column, ends[:-1])
     return [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
+
+
+def carried(first: Carry, steps: int, held: tuple[str, ...]) -> Carry:
+    """The carry at time 0, with room for those after each step, or the present one if held."""
+    arrays = []
+    for name, start in zip(Carry._fields, first, strict=True):
+        samples = 1 if name in held else steps + 1
+        array = room(samples, *start.shape)
+        array[0] = start
+        arrays.append(array)
+    return Carry(*arrays)
+
+
+def room(samples: int, columns: int, rows: int) -> np.ndarray:
+    """An empty array (samples, columns, rows), in memory with the columns first, as runs are."""
+    return np.empty((columns, samples, rows)).swapaxes(0, 1)
+
+
+def recorded_covariance(carry: Carry) -> np.ndarray:
+    """Covariances as a run has them, nan where only the present ones were held."""
+    whole = unpack_array(carry.covariance.swapaxes(0, 1))
+    samples, auvs, m = carry.mean.shape
+    if whole.shape[1] < samples:
+        return np.broadcast_to(np.nan, (auvs, samples, m, m))
+    return whole

@@ -34,7 +34,7 @@ from obsplan.planning.water import in_the_water
 from obsplan.run import Run, Timing
 from obsplan.scenario import Scenario, load
 from obsplan.scenario.states import BASIC
-from obsplan.simulation.advance import Advance
+from obsplan.simulation.advance import Advance, carried, recorded_covariance, room
 from obsplan.simulation.doubt import doubts
 from obsplan.simulation.inputs import mission_inputs
 from obsplan.simulation.recorded import record
@@ -364,31 +364,6 @@ class ClosedLoop:
         """Of position, heading and speed, as the filter of each AUV assumes them."""
         noises = self.scenario.process_noise(assumed=True).tolist()
         return [(position, heading, speed) for position, _, heading, speed in noises]
-
-
-def carried(first: Carry, steps: int, held: tuple[str, ...]) -> Carry:
-    """The carry at time 0, with room for those after each step, or the present one if held."""
-    arrays = []
-    for name, start in zip(Carry._fields, first, strict=True):
-        samples = 1 if name in held else steps + 1
-        array = room(samples, *start.shape)
-        array[0] = start
-        arrays.append(array)
-    return Carry(*arrays)
-
-
-def room(samples: int, columns: int, rows: int) -> np.ndarray:
-    """An empty array (samples, columns, rows), in memory with the columns first, as runs are."""
-    return np.empty((columns, samples, rows)).swapaxes(0, 1)
-
-
-def recorded_covariance(carry: Carry) -> np.ndarray:
-    """Covariances as a run has them, nan where only the present ones were held."""
-    whole = unpack_array(carry.covariance.swapaxes(0, 1))
-    samples, auvs, m = carry.mean.shape
-    if whole.shape[1] < samples:
-        return np.broadcast_to(np.nan, (auvs, samples, m, m))
-    return whole
 
 
 def prepared(team: Team, starts: Sequence[Pose], progress: Progress) -> tuple[Team, Progress]:

@@ -246,9 +246,9 @@ class StepBuilder:
         by_aid = [ca.reshape(column, -1, aids) for column in shared]
         fleet = Fleet.of(self.scenario, *by_aid)
         results = Surveyor(self.scenario, kind, fleet).step(Own(**own))
+        found = [ca.densify(results[name]) for name in FOUND]
         # what truth, filter and its second update of a range have in common is computed once
-        found = ca.cse([ca.densify(results[name]) for name in FOUND])
-        return ca.Function("of_one", [*own.values(), *shared], found)
+        return ca.Function("of_one", [*own.values(), *shared], found, {"cse": True})
 
     def _kind(self, i: int) -> Kind:
         """What the filter of an AUV assumes, and what measures its speed."""
