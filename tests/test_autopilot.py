@@ -183,3 +183,19 @@ def test_wider_turns_are_kept_and_the_plan_is_not_left_behind(radius):
     assert max(sides[0].max(), sides[1].max()) <= 2.0 * STEP + 1e-9
     apart = np.hypot(*(path - plan).T)
     assert np.median(apart[-500:]) < 5 * radius
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_vehicle_that_a_current_carries_holds_its_line_and_speed_over_ground_if_it_is_told(told):
+    track = Track(points=np.array([[0.0, 0.0], [400.0, 0.0]]), speed=np.array([1.5]))
+    current, steps = np.array([0.3, 0.5]), round(240.0 / STEP)
+    stream = {"stream": np.tile(current, (steps, 1))} if told else {}
+    # what is sailed in the water, and with it
+    commands, poses = sail(track, Pose(0.0, 0.0, 0.0), 240.0, **stream)
+    over_ground = poses[:, :2] + current * STEP * np.arange(steps + 1)[:, None]
+    assert (commands[:, 1] <= BOAT.speed).all()
+    if not told:
+        assert abs(over_ground[-1, 1]) > 100.0
+        return
+    assert np.median(abs(over_ground[:, 1])) < 0.1
+    assert over_ground[steps // 2, 0] == pytest.approx(1.5 * 120.0, abs=2.0)

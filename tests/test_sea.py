@@ -432,3 +432,16 @@ def test_wrong_key_of_the_sea_is_one_sentence(change, said):
     with pytest.raises(op.ObsplanError, match=said) as error:
         scenario(**change)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.slow
+def test_told_that_errors_grow_planners_stay_near_and_errors_are_smaller():
+    harbor = op.load("harbor-survey").replace(ranging__growth=0.01)
+    untold = harbor.replace(estimator__ranging={"growth": 0.0})
+    late = []
+    for seed in range(101, 106):
+        told, other = op.simulate(harbor, seed=seed), op.simulate(untold, seed=seed)
+        assert told.separation.max() < 120.0 < other.separation.max()
+        half = told.time.size // 2
+        late.append([np.sqrt(np.mean(run.error[:, half:] ** 2)) for run in (told, other)])
+    assert (np.diff(late) > 0).all()

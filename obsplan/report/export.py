@@ -18,6 +18,7 @@ from obsplan.planning.team import Team, members_of
 from obsplan.run import Run
 from obsplan.scenario import Scenario
 from obsplan.simulation.autopilot import Autopilot, FixedPath, in_wider_turns
+from obsplan.simulation.inputs import stream
 from obsplan.simulation.loop import ClosedLoop, Progress
 from obsplan.simulation.step import folded
 from obsplan.types import Pose
@@ -193,7 +194,9 @@ def flown_track(run: Run, sagitta: float, aid: int = 0) -> tuple[Track, float]:
     bulge = float(np.max(abs(turn_rate) * speed, initial=0.0)) * step**2 / 8
     parts = max(1, int(np.ceil(np.sqrt(bulge / sagitta))))
     since = step * np.arange(parts) / parts
-    points = arcs(own.pose[:-1], turn_rate, speed, since)[..., :2].reshape(-1, 2)
+    points = arcs(own.pose[:-1], turn_rate, speed, since)[..., :2]
+    points += stream(run.scenario)[:, aid, None] * since[:, None]  # while the water carries it
+    points = points.reshape(-1, 2)
     time = (run.time[:-1, None] + since).ravel()
     to_the_end = np.vstack([points, own.pose[-1:, :2]])
     track = Track(points=to_the_end, time=np.append(time, run.time[-1]))
@@ -258,12 +261,20 @@ def _ways(
 
     yield FLOWN, fixed([np.column_stack([a.turn_rate[:-1], a.speed[:-1]]) for a in run.aids])
     acceptance = run.scenario.table.export.min_spacing
+    streams = stream(run.scenario)
     for seconds in late:
         way = late_by(seconds) if seconds else ON_TIME
         commands = []
         for aid, (track, cna) in enumerate(zip(tracks, cnas, strict=True)):
             autopilot, start = Autopilot(cna=cna, acceptance=acceptance), start_of(run, aid)
-            own = autopilot.commands(track, start, time_step=step, steps=steps, late=seconds)
+            own = autopilot.commands(
+                track,
+                start,
+                time_step=step,
+                steps=steps,
+                late=seconds,
+                stream=streams[:, aid],
+            )
             commands.append(own)
         yield way, fixed(commands)
     if reacting:

@@ -48,9 +48,19 @@ class Autopilot:
     acceptance: float  # [m]
 
     def commands(
-        self, track: Track, start: Pose, *, time_step: float, steps: int, late: float = 0.0
+        self,
+        track: Track,
+        start: Pose,
+        *,
+        time_step: float,
+        steps: int,
+        late: float = 0.0,
+        stream: Float[np.ndarray, "steps 2"] | None = None,
     ) -> Float[np.ndarray, "steps 2"]:
         """Turn rate [rad/s] and speed [m/s] over each time step; at rest before and after.
+
+        In a stream both are through the water: it crabs to hold its lines and speeds over ground,
+        and drifts while it waits.
 
         Parameters
         ----------
@@ -58,14 +68,18 @@ class Autopilot:
             Waypoints in local metres, with the speed of each leg [m/s] and holds [s].
         late
             Time [s] for which the vehicle waits at the start.
+        stream
+            Current that carries the vehicle over each time step, east and north [m/s].
         """
         waiting = min(round(late / time_step), steps)
         progress = _Progress(track, start, self, time_step)
         done = np.zeros((steps, 2))
+        currents = [(0.0, 0.0)] * steps if stream is None else stream.tolist()
         pose = start
-        for k in range(waiting, steps):
-            done[k] = command = progress.command(pose)
-            pose = moved(pose, *command, time_step)
+        for k, current in enumerate(currents):
+            if k >= waiting:
+                done[k] = progress.command(pose, current)
+            pose = carried(moved(pose, *done[k].tolist(), time_step), current, time_step)
         return done
 
 
@@ -88,8 +102,8 @@ class _Progress:
         """Whether the last waypoint has been reached."""
         return self.leg == len(self.lengths)
 
-    def command(self, pose: Pose) -> tuple[float, float]:
-        """Turn rate [rad/s] and speed [m/s] over the next time step."""
+    def command(self, pose: Pose, current: Sequence[float]) -> tuple[float, float]:
+        """Turn rate [rad/s] and speed [m/s] over the next time step, in a current [m/s]."""
         while self.waiting <= 0 and not self.is_done and self._has_reached(pose):
             self.waiting = self.holds[self.leg]
             self.leg += 1
@@ -98,7 +112,11 @@ class _Progress:
             return 0.0, 0.0
         speed = self.speeds[self.leg]
         look_ahead = max(LOOK_AHEAD * self.acceptance, 2.0 * speed * self.time_step)
-        return pursue(pose, self._aim(pose, look_ahead), speed, self.cna), speed
+        aim = self._aim(pose, look_ahead)
+        if any(current):
+            aim, speed = through_water(pose, aim, speed, current)
+            speed = min(speed, self.cna.speed)
+        return pursue(pose, aim, speed, self.cna), speed
 
     def _has_reached(self, pose: Pose) -> bool:
         x, y = self.corners[self.leg + 1]
@@ -133,6 +151,24 @@ def pursue(pose: Pose, aim: tuple[float, float], speed: float, cna: Unicycle) ->
         return math.copysign(limit, math.sin(bearing))
     wanted = 2.0 * speed * math.sin(bearing) / max(math.hypot(east, north), 1e-9)
     return max(-limit, min(limit, wanted))
+
+
+def through_water(
+    pose: Pose, aim: tuple[float, float], speed: float, current: Sequence[float]
+) -> tuple[tuple[float, float], float]:
+    """Where to aim, and how fast [m/s], in water that carries the vehicle, to go so over ground."""
+    duration = math.hypot(aim[0] - pose.x, aim[1] - pose.y) / speed
+    if not duration:
+        return aim, speed
+    x, y = aim[0] - current[0] * duration, aim[1] - current[1] * duration
+    return (x, y), math.hypot(x - pose.x, y - pose.y) / duration
+
+
+def carried(pose: Pose, current: Sequence[float], duration: float) -> Pose:
+    """Where a current [m/s] takes a vehicle in a time [s]."""
+    if not any(current):
+        return pose
+    return Pose(pose.x + current[0] * duration, pose.y + current[1] * duration, pose.heading)
 
 
 def moved(pose: Pose, turn_rate: float, speed: float, duration: float) -> Pose:
