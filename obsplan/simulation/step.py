@@ -5,12 +5,12 @@ It moves the aid vehicles, and each AUV's truth, filter and last report.
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import casadi as ca
 import numpy as np
 
-from formulations.model.casadi import matrix, symbol
+from formulations.model.casadi import SX, matrix, symbol
 from obsplan.estimators import Process
 from obsplan.planning.expressions import Command, Expression, Targets, decision_function
 from obsplan.planning.interface import Planner, expression_of
@@ -247,8 +247,9 @@ class StepBuilder:
         fleet = Fleet.of(self.scenario, *by_aid)
         results = Surveyor(self.scenario, kind, fleet).step(Own(**own))
         # what truth, filter and its second update of a range have in common is computed once
-        found = ca.cse([ca.densify(results[name]) for name in FOUND])
-        return ca.Function("of_one", [*own.values(), *shared], found)
+        found = [ca.densify(results[name]) for name in FOUND]
+        once = cast("list[SX]", ca.cse(found))  # CasADi's own signature is wrong
+        return ca.Function("of_one", [*own.values(), *shared], once)
 
     def _kind(self, i: int) -> Kind:
         """What the filter of an AUV assumes, and what measures its speed."""

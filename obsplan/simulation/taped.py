@@ -77,10 +77,11 @@ def sensors_of(scenario: Scenario) -> dict[str, Sensor]:
     if scenario.bearing_sensor is not None:
         found["bearing"] = scenario.bearing_sensor
     for auv, components in zip(scenario.table.auv, scenario.true_logs, strict=True):
+        kind = "" if auv.speed_sensor is None else auv.speed_sensor.kind
         for k, sensor in enumerate(components, start=1):
             if sensor in found.values():
                 continue
-            name = f"{auv.speed_sensor.kind}-{k}"
+            name = f"{kind}-{k}"
             found[f"{name} of {auv.name}" if name in found else name] = sensor
     return found
 
