@@ -79,7 +79,8 @@ class Autopilot:
         for k, current in enumerate(currents):
             if k >= waiting:
                 done[k] = progress.command(pose, current)
-            pose = carried(moved(pose, *done[k].tolist(), time_step), current, time_step)
+            turn_rate, speed = done[k].tolist()
+            pose = carried(moved(pose, turn_rate, speed, time_step), current, time_step)
         return done
 
 
