@@ -18,6 +18,7 @@ from obsplan.planning.companion import Companion, Turns, told
 from obsplan.planning.fallback import straight_on, unusable
 from obsplan.planning.limits import LimitsAhead, positions_ahead
 from obsplan.planning.situation import Situation
+from obsplan.planning.steering import greatest_doubt
 from obsplan.quantities import BEAM_WIDTH, BRANCHES, INTERVAL, LINK_WEIGHT, STAGES
 from obsplan.types import Belief, Decision, Pose
 
@@ -153,7 +154,7 @@ class InformationHorizon:
             first_violation=None
             if limits is None
             else limits.first_move(state, turn_rates, cna.speed),
-            doubts=np.array([auv.doubt for auv in auvs]),
+            doubts=np.minimum([auv.doubt for auv in auvs], greatest_doubt(self.situation)),
             known=told(companions, auvs, time, stages, self.situation.current),
         )
         if not np.isfinite(best.objective):  # a current or a process noise is no number

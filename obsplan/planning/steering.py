@@ -3,13 +3,13 @@
 import math
 
 import casadi as ca
-import numpy as np
 
 from formulations.model.worth import best_distance
 from obsplan.planning.expressions import Symbolic, Targets
 from obsplan.planning.situation import Situation
 from obsplan.vehicles import Unicycle
 
+BENT = math.sqrt(0.75)  # root mean square second order of a range, over variance and distance
 STEEPEST = 0.99  # sine of the largest crab angle: beyond it the vehicle cannot keep up anyway
 
 
@@ -51,17 +51,26 @@ def telling_distance(situation: Situation, targets: Targets, least: Symbolic) ->
     return ca.if_else(best < ca.inf, ca.fmax(least, best), least)
 
 
+def greatest_doubt(situation: Situation) -> float:
+    """Doubt [m] that keeps the vehicle at the radius of the surveys; a greater one counts as that.
+
+    From farther nothing tells more. There is none without surveys, or where ranges are squared.
+    """
+    ranging, circle = situation.ranging, situation.survey_circle
+    if circle is None or ranging.squared:
+        return math.inf
+    return math.sqrt(circle.radius * ranging.sigma / BENT)
+
+
 def _doubted(situation: Situation, doubt: Symbolic) -> Symbolic:
     """Distance [m] from which the second order of a doubted position's range is its error at most.
 
-    It is at most the radius of the surveys: from farther nothing tells more. Squared ranges have
-    as much of it at any distance.
+    Squared ranges have as much of it at any distance.
     """
-    ranging, circle = situation.ranging, situation.survey_circle
+    ranging = situation.ranging
     if ranging.squared:
         return 0.0 * doubt
-    far = np.inf if circle is None else circle.radius
-    return ca.fmin(math.sqrt(0.75) * doubt**2 / ranging.sigma, far)
+    return BENT * ca.fmin(doubt, greatest_doubt(situation)) ** 2 / ranging.sigma
 
 
 def turn_along(
