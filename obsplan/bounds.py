@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from jaxtyping import Bool, Float, Integer
 
@@ -14,6 +15,8 @@ from formulations.cramer_rao import (
     range_information,
     squared_range_information,
 )
+from formulations.model.casadi import of_each, symbol
+from formulations.model.ranging import Law, arrival, law_of
 from formulations.model.worth import least_sigma
 from obsplan.estimators.jacobian import informations, transitions
 from obsplan.kept_bounds import KEPT
@@ -48,6 +51,29 @@ class Bounds:
                     pings = np.flatnonzero(self.came[b, i])
                     J[pings - 1] += self._information(b, i, pings)
             yield posterior_cramer_rao(P0, self._transitions(i), Q, J)
+
+    def forecast(self) -> Iterator[Float[np.ndarray, "samples n n"]]:
+        """The same for ranges as they are expected before the mission, without jitter.
+
+        What each due range would tell counts by the probability that it comes. That is about the
+        mean of the bound over what may come, a little below it.
+        """
+        due, law = self.scenario.ranged(None), self._law
+        for i, (P0, Q) in enumerate(zip(*self._covariances, strict=True)):
+            J = self._own_information(i)
+            for b in range(len(self.came)):
+                pings = np.flatnonzero(due[:, b, i]) + 1
+                away = self.truth[i, pings, :2] - self.beacon_places[b, pings]
+                height = self.scenario.depths[pings, i] - self.scenario.beacons[b].depth
+                r2 = (away**2).sum(axis=-1) + law.form.slant * height**2
+                comes = np.broadcast_to(share_that_comes(law, r2), pings.shape)
+                J[pings - 1] += comes[:, None, None] * self._information(b, i, pings)
+            yield posterior_cramer_rao(P0, self._transitions(i), Q, J)
+
+    @property
+    def _law(self) -> Law:
+        """The true law of ranges."""
+        return law_of(law_told(self.scenario.range_sensor, self.scenario.table.ranging))
 
     def _information(
         self, b: int, i: int, pings: Integer[np.ndarray, " pings"]
@@ -145,6 +171,18 @@ class Bounds:
         for sensor in self.scenario.true_logs[i]:
             J[due - 1] += informations(sensor, self.truth[i, due], self._beacon(0, i, due))
         return J
+
+
+def share_that_comes(law: Law, r2: Float[np.ndarray, " n"]) -> Float[np.ndarray, "..."]:
+    """Probability that ranges over squared distances [m^2] come."""
+    (share,) = of_each(_comes(law), r2)
+    return share
+
+
+@lru_cache(maxsize=16)
+def _comes(law: Law) -> ca.Function:
+    r2 = symbol("r2")
+    return ca.Function("comes", [r2], [ca.densify(ca.SX(arrival(law, r2)))])
 
 
 def _joined(arrays: list[np.ndarray]) -> np.ndarray:

@@ -241,6 +241,11 @@ class Run:
         """`cramer_rao_variance` as it would be without a single range: that of dead reckoning."""
         return np.stack([P[:, 0, 0] + P[:, 1, 1] for P in self._bounds.posterior(aided=False)])
 
+    @cached_property
+    def forecast_variance(self) -> Float[np.ndarray, "auvs samples"]:
+        """`cramer_rao_variance` of this path as expected before it is known which ranges come."""
+        return np.stack([P[:, 0, 0] + P[:, 1, 1] for P in self._bounds.forecast()])
+
     @property
     def _bounds(self) -> Bounds:
         return Bounds(
@@ -360,11 +365,16 @@ class Run:
             "separation_mean_m": separation.mean(),
             "separation_max_m": separation.max(),
             **(self.heard.figures(auvs) if self.scenario.hearing_matters else {}),
+            **(self._forecast(auvs) if self.scenario.ranges_may_be_lost else {}),
             **(
                 {"violation_max_m": self.violation[auvs].max()} if self.scenario.constraints else {}
             ),
         }
         return {key: float(value) if np.isfinite(value) else None for key, value in figures.items()}
+
+    def _forecast(self, auvs: slice) -> dict[str, float]:
+        """`pcrb_rms_m` as expected beforehand; of interest where ranges may be lost."""
+        return {"pcrb_forecast_rms_m": np.sqrt(np.mean(self.forecast_variance[auvs]))}
 
     def plot(self) -> "Figure":
         """Draw the map: surveys, true tracks, estimates with 95 % ellipses, aid vehicle's path.

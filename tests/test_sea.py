@@ -410,6 +410,18 @@ def test_with_half_of_the_ranges_lost_no_estimator_beats_the_bound_nor_any_path_
     assert max(efficiency) <= 1.0
 
 
+def test_a_forecast_is_the_bound_to_be_expected_before_it_is_known_what_comes():
+    mission = scenario(ranging__loss=0.3, ranging__half_distance=150.0, planner__kind="circle")
+    runs = [op.simulate(mission, seed=seed) for seed in range(30)]
+    bound = np.mean([run.cramer_rao_variance[:, 40:].mean() for run in runs])
+    forecast = np.mean([run.forecast_variance[:, 40:].mean() for run in runs])
+    assert 0.85 * bound < forecast < 1.02 * bound  # of a convex function, so a little below
+    sure = op.simulate(scenario())
+    np.testing.assert_allclose(sure.forecast_variance, sure.cramer_rao_variance, rtol=1e-12)
+    assert runs[0].summary()["all"]["pcrb_forecast_rms_m"] > 0
+    assert "pcrb_forecast_rms_m" not in sure.summary()["all"]
+
+
 # Bad input
 
 
