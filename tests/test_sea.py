@@ -434,6 +434,7 @@ def test_a_forecast_is_the_bound_to_be_expected_before_it_is_known_what_comes():
         ({"estimator__ranging": {"sigmo": 1.0}}, "unknown key estimator__ranging.sigmo; did you mean .sigma"),
         ({"planner__ranging": {"growth": -1.0}}, r"planner__ranging.growth = -1.0"),
         ({"beacon": [{"on": 3}]}, "beacon-1.* is on aid vehicle 3, and the last is number 0"),
+        ({"ranging": {"kind": "squared-range", "outliers": 0.1}}, 'ranging.outliers: is of ranges in metres.*kind "range"'),
         ({"cna__ranged": False}, "AUVs range to nothing: set ranged = true, or add"),
         ({"auv__0__depth": (1.0, 2.0)}, "one for each of the 3 points of the survey, got 2"),
         ({"auv__0__depth": -3.0}, "depth.*must be from 0 to 12000 m"),

@@ -37,6 +37,9 @@ from obsplan.scenario.tables import AreaTable, MissionSurvey, Origin, ScenarioTa
 from obsplan.types import UNCOMPUTABLE, ObsplanError, uncomputable
 
 
+IN_METRES = ("outliers", "scale_sigma", "clock_offset", "clock_drift")  # what is false of ranges
+
+
 @dataclass(frozen=True, kw_only=True)
 class Scenario(Course):
     """What a scenario file says, and what follows from it; built by `load` or `from_dict`.
@@ -61,6 +64,7 @@ class Scenario(Course):
         check_current(self.table, self.water, self.source)
         _ = self.motions, self.ping_every, self.decide_every, self.constraints
         _ = self.vehicles, self.range_sensor, self.estimator, self.speed_sensors, self.log_every
+        self._check_false_ranges()
         _ = self.filter_sensor, self.planner_sensor, self.beacons, self.offsets, self.depths
         planner = self.table.planner
         wrong = check_communication(self.communication, planner.knowledge, planner.doubt)
@@ -68,6 +72,15 @@ class Scenario(Course):
             raise self.error(*wrong)
         _ = self.in_flight
         self.team()
+
+    def _check_false_ranges(self) -> None:
+        """Refuse errors in metres of squared ranges."""
+        given = [key for key in IN_METRES if getattr(self.table.ranging, key)]
+        if given and self.ranging_kind == "squared-range":
+            raise self.error(
+                f"ranging.{given[0]}",
+                'is of ranges in metres, and the kind is "squared-range": give kind "range"',
+            )
 
     def __repr__(self) -> str:
         table = self.table
