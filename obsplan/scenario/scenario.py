@@ -36,7 +36,6 @@ from obsplan.scenario.surveys import as_waypoints
 from obsplan.scenario.tables import AreaTable, MissionSurvey, Origin, ScenarioTable, aids_of
 from obsplan.types import UNCOMPUTABLE, ObsplanError, uncomputable
 
-
 IN_METRES = ("outliers", "scale_sigma", "clock_offset", "clock_drift")  # what is false of ranges
 
 
