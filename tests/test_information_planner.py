@@ -149,12 +149,12 @@ def test_options_out_of_range_are_refused_by_name_and_value(option, value, messa
 # Its distance
 
 
-def first_order_update(P, x, *, sigma, pings, squared):
+def first_order_update(P, x, *, law, pings, height, doubt):  # noqa: ARG001 - as the other takes
     """Update by the range's first-order error alone, as the filter sees it."""
-    assert not squared
+    assert not any(law.form)
     u = x / ca.sqrt(ca.fmax(ca.sumsqr(x), 1e-12))
     Pu = P[:, :2] @ u
-    return P - pings * Pu @ Pu.T / (pings * ca.dot(Pu[:2], u) + sigma**2)
+    return P - pings * Pu @ Pu.T / (pings * ca.dot(Pu[:2], u) + law.sigma**2)
 
 
 def closest(auv, start, steps=60):

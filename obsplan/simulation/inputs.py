@@ -1,7 +1,7 @@
 """What a mission is given from outside: first estimates, schedules, survey and noise."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -95,12 +95,12 @@ def at_sea(inputs: Inputs, scenario: Scenario, random: Streams) -> Inputs:
     return inputs
 
 
-def due(scenario: Scenario, random: np.random.Generator) -> Bool[np.ndarray, "steps beacons auvs"]:
+def due(scenario: Scenario, random: Any) -> Bool[np.ndarray, "steps beacons auvs"]:
     """At the end of which steps ranges are due; ``random`` is the stream of schedules."""
     return scenario.ranged(random if scenario.table.ranging.jitter else None)
 
 
-def faults(scenario: Scenario, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def faults(scenario: Scenario, random: Any) -> tuple[np.ndarray, np.ndarray]:
     """What is false of each range, and which are delivered twice; ``random`` is the stream."""
     features, steps = Features.of(scenario), scenario.time.size - 1
     shape = (steps, len(scenario.table.auv), len(scenario.beacons))
