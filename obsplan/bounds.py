@@ -65,8 +65,8 @@ class Bounds:
                 pings = np.flatnonzero(due[:, b, i]) + 1
                 away = self.truth[i, pings, :2] - self.beacon_places[b, pings]
                 height = self.scenario.depths[pings, i] - self.scenario.beacons[b].depth
-                r2 = (away**2).sum(axis=-1) + law.form.slant * height**2
-                comes = np.broadcast_to(share_that_comes(law, r2), pings.shape)
+                r2 = (away**2).sum(axis=-1) + self.scenario.depths_count * height**2
+                comes = share_that_comes(law, r2)
                 J[pings - 1] += comes[:, None, None] * self._information(b, i, pings)
             yield posterior_cramer_rao(P0, self._transitions(i), Q, J)
 
@@ -173,7 +173,7 @@ class Bounds:
         return J
 
 
-def share_that_comes(law: Law, r2: Float[np.ndarray, " n"]) -> Float[np.ndarray, "..."]:
+def share_that_comes(law: Law, r2: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Probability that ranges over squared distances [m^2] come."""
     (share,) = of_each(_comes(law), r2)
     return share

@@ -356,6 +356,9 @@ class Run:
         if bounds and not self.unbounded:
             bound = np.sqrt(np.mean([b.bound for b in self.information_bounds[auvs]]))
             efficiency = bound / achieved if achieved > 0 else 1.0
+        forecast = np.nan
+        if self.scenario.ranges_may_be_lost:
+            forecast = np.sqrt(np.mean(self.forecast_variance[auvs]))
         figures = {
             "rms_error_m": np.sqrt(np.mean(self.error[auvs] ** 2)),
             "max_error_m": self.error[auvs].max(),
@@ -365,16 +368,12 @@ class Run:
             "separation_mean_m": separation.mean(),
             "separation_max_m": separation.max(),
             **(self.heard.figures(auvs) if self.scenario.hearing_matters else {}),
-            **(self._forecast(auvs) if self.scenario.ranges_may_be_lost else {}),
+            **({"pcrb_forecast_rms_m": forecast} if self.scenario.ranges_may_be_lost else {}),
             **(
                 {"violation_max_m": self.violation[auvs].max()} if self.scenario.constraints else {}
             ),
         }
         return {key: float(value) if np.isfinite(value) else None for key, value in figures.items()}
-
-    def _forecast(self, auvs: slice) -> dict[str, float]:
-        """`pcrb_rms_m` as expected beforehand; of interest where ranges may be lost."""
-        return {"pcrb_forecast_rms_m": np.sqrt(np.mean(self.forecast_variance[auvs]))}
 
     def plot(self) -> "Figure":
         """Draw the map: surveys, true tracks, estimates with 95 % ellipses, aid vehicle's path.

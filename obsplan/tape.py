@@ -16,7 +16,8 @@ class Measurements(NamedTuple):
     They are in the order in which its filter takes them.
     """
 
-    sent: Float[np.ndarray, " n"]  # by the beacon, or the question to it [s]
+    # by the beacon, or the question to it [s]; by the instrument's mean speed of sound
+    sent: Float[np.ndarray, " n"]
     received: Float[np.ndarray, " n"]  # by the AUV [s]
     auv: Integer[np.ndarray, " n"]  # number
     beacon: Integer[np.ndarray, " n"]  # number; -1 of what concerns none
@@ -46,8 +47,3 @@ class Tape:
     sensors: Mapping[str, Sensor]
     measurements: Measurements
     truth: Float[np.ndarray, "auvs samples n"] | None = None
-
-    @property
-    def lost(self) -> bool:
-        """Whether not a single measurement came."""
-        return self.measurements.value.size == 0

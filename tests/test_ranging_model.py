@@ -374,6 +374,11 @@ def test_times_of_ranges_are_those_listed_one_by_one(name):
             np.testing.assert_allclose(schedule.times(auv, begin / 10, end / 10), expected)
 
 
+def of_each(pings):
+    """Numbers of ranges to each of three AUVs."""
+    return pings if pings.ndim > 1 else np.repeat(pings[:, None], 3, axis=1)
+
+
 @pytest.mark.parametrize("name", SLOTS)
 @pytest.mark.parametrize(("horizon", "count"), [(20.0, 6), (20.0, 2), (90.0, 5)])
 def test_stages_end_at_listed_ranges_and_count_each_once(name, horizon, count):
@@ -381,14 +386,14 @@ def test_stages_end_at_listed_ranges_and_count_each_once(name, horizon, count):
     shared = schedule.interval <= horizon / count and not schedule.silent
     if shared:
         stages = schedule.stages(3.0, horizon, count, 3)
-        np.testing.assert_allclose(stages.pings_of(3).sum(axis=0), horizon / schedule.interval)
+        np.testing.assert_allclose(stages.pings.sum(axis=0), horizon / schedule.interval)
         np.testing.assert_allclose(stages.duration, horizon / count)
         return
     ranges = sorted({t for auv in listed for t in auv})
     for time in (0, 4, 100, 131, 185, 312, 599):
         stages = schedule.stages(time / 10, horizon, count, 3)
         begin = time
-        for duration, pings in zip(stages.duration, stages.pings_of(3), strict=True):
+        for duration, pings in zip(stages.duration, of_each(stages.pings), strict=True):
             within = [t for t in ranges if begin < t <= begin + 10 * horizon / count]
             end = within[-1] if within else next(t for t in ranges if t > begin)
             assert duration * 10 == pytest.approx(end - begin)
@@ -405,3 +410,9 @@ def test_plain_schedules_have_the_stages_of_pings():
             found, expected = plain.stages(time, 20.0, 6, 2), ping_stages(time, interval, 20.0, 6)
             np.testing.assert_array_equal(found.duration, expected.duration)
             np.testing.assert_array_equal(found.pings, expected.pings)
+
+
+def test_squared_ranges_over_a_height_are_refused():
+    squared = Ranging(1.0, squared=True, slant=True)
+    with pytest.raises(ValueError, match="squared ranges are horizontal: leave slant False"):
+        conditioned(np.eye(4), np.array([3.0, 4.0]), squared, 1.0, 5.0)

@@ -248,6 +248,31 @@ def test_outliers_are_as_frequent_and_as_long_as_said_and_always_longer():
     assert kstest(strays / 50.0, "expon").pvalue > 1e-3
 
 
+def test_what_is_false_is_drawn_for_each_beacon_and_scales_are_common():
+    beside = {"beacon": [{"x": 30.0, "y": 60.0}], "planner__kind": "stationary"}
+    plain = scenario(ranging__interval=0.5, duration=200.0, **beside)
+    false = plain.replace(
+        ranging__outliers=0.3, ranging__outlier_mean=50.0, ranging__scale_sigma=0.02
+    )
+    ours, theirs = op.simulate(false), op.simulate(plain)
+    scaled = ours.ranges / theirs.ranges
+    scale = np.nanmedian(scaled)
+    assert abs(scale - 1) > 1e-3
+    longer = ours.ranges - scale * theirs.ranges
+    strays = np.abs(longer) > 1e-6
+    for b in range(2):  # all others have the scale alone
+        assert 0.2 < strays[b][ours.came[b]].mean() < 0.4
+        assert longer[b][strays[b]].min() > 0
+    assert not np.array_equal(strays[0], strays[1])
+
+
+def test_missions_range_when_planners_expect_it():
+    mission = scenario(ranging__interval=8.0, ranging__slot=1.5, ranging__silent=[[20.0, 30.0]])
+    run, schedule = op.simulate(mission), mission.situation.schedule
+    for i in range(2):
+        np.testing.assert_allclose(run.time[run.came[0, i]], schedule.times(i, 0.0, 60.0))
+
+
 def test_clocks_lengthen_ranges_by_the_way_sound_makes_meanwhile():
     plain = scenario(planner__kind="stationary")
     late = differences(plain.replace(ranging__clock_offset=2e-3, ranging__clock_drift=1e-5), plain)

@@ -118,14 +118,21 @@ def search_manoeuvres(
             f"got {covariance.shape} and {tracks.position.shape}"
         )
     width = min(beam_width, K**S)
-    aided, linked = known is not None, link.weight > 0
-    doubted = doubts is not None and bool(doubts.any())
-    kind = Kind(M, K, ranging.form, criterion, n, aided=aided, linked=linked, doubted=doubted)
+    doubts = np.zeros(M) if doubts is None else doubts
+    kind = Kind(
+        M,
+        K,
+        ranging.form,
+        criterion,
+        n,
+        aided=known is not None,
+        linked=link.weight > 0,
+        doubted=bool(doubts.any()),
+    )
     sequences = beam_of(kind, S, width)
-    told = _told(tracks, process_noise, weights, stages, turn_rates, speed, ranging, known, link)
-    if doubted:
-        of_auvs = told[:, : len(AUV) * M].reshape(S, M, len(AUV))
-        of_auvs[..., AUV.index("doubt")] = doubts
+    told = _told(
+        tracks, process_noise, weights, stages, turn_rates, speed, ranging, known, link, doubts
+    )
     sequences.begin(pose, pack_array(covariance))
     first = worst = 0.0
     if violation is None and first_violation is None:
@@ -140,10 +147,7 @@ def search_manoeuvres(
             durations=stages.duration,
             limits=limits,
         )
-        for of_stage in told:
-            cost = sequences.branch(of_stage)
-            sequences.follow(feasible.best(sequences.pose, cost, width))
-        first, worst = float(feasible.first[0]), float(feasible.worst[0])
+        first, worst = _within_limits(sequences, feasible, told, width)
     cost, turns, poses = sequences.first(told)
     return Solution(
         x=turn_rates[turns],
@@ -152,6 +156,19 @@ def search_manoeuvres(
         primal_residual=max(first, worst),
         poses=poses,
     )
+
+
+def _within_limits(
+    sequences: Compiled | Interpreted,
+    feasible: Feasibility,
+    told: Float[np.ndarray, "S told"],
+    width: int,
+) -> tuple[float, float]:
+    """Go through all stages; how far [m] the best's first turn, and all of it, break a limit."""
+    for of_stage in told:
+        cost = sequences.branch(of_stage)
+        sequences.follow(feasible.best(sequences.pose, cost, width))
+    return float(feasible.first[0]), float(feasible.worst[0])
 
 
 def _status(cost: float, first_violation: float) -> Status:
@@ -184,6 +201,7 @@ def _told(
     ranging: Ranging,
     known: Float[np.ndarray, "S M 2 2"] | None = None,
     link: Link = FREE,
+    doubts: Float[np.ndarray, " M"] | float = 0.0,
 ) -> Float[np.ndarray, "S told"]:
     """What a branching is told at each stage; see `branching`."""
     S, M = tracks.heading.shape
@@ -202,7 +220,8 @@ def _told(
     auv[1:, :, :at] = there[:-1]  # no ranges before the first stage
     auv[..., 2 * at : 2 * at + 3] = motions(tracks.heading, tracks.speed)
     auv[..., 2 * at + 3 : 2 * at + 3 + process_noise.shape[1]] = process_noise
-    auv[..., -1] = weights / weights.sum()
+    auv[..., AUV.index("doubt")] = doubts
+    auv[..., AUV.index("weight")] = weights / weights.sum()
     stage[:, 0] = stages.duration
     stage[:, 1] = stages.duration / stages.duration.sum()
     stage[:, 2 : 2 + len(LAW)] = ranging.numbers

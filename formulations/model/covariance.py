@@ -171,7 +171,15 @@ def condition_on_range(
 def _condition_on_slant_range(
     P: SX, x: SX, law: Law, pings: SX, height: SX | float, doubt: SX | float
 ) -> SX:
-    """The same over a height."""
+    """The same over a height.
+
+    Raises
+    ------
+    ValueError
+        Of squared ranges, which are horizontal.
+    """
+    if law.form.squared:
+        raise ValueError("squared ranges are horizontal: leave slant False, or give ranges")
     places = [0, 1]
     rho = x
     if P.shape[0] in (3, DEPTH + 1):

@@ -3,12 +3,13 @@
 Times that are multiples of an interval but for rounding are multiples.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 ROUNDING = 1e-6  # of an interval: a time this near to a multiple of it is the multiple
 
@@ -20,11 +21,6 @@ class Stages(NamedTuple):
     pings: (
         Float[np.ndarray, " S"] | Float[np.ndarray, "S M"]
     )  # ranges to all AUVs alike, or to each
-
-    def pings_of(self, auvs: int) -> Float[np.ndarray, "S {auvs}"]:
-        """Number of ranges to each AUV."""
-        pings = self.pings[:, None] if self.pings.ndim == 1 else self.pings
-        return np.broadcast_to(pings, (len(self.duration), auvs))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,10 +45,7 @@ class Schedule:
         first = max(1, int(intervals(begin - offset, self.interval)) + 1)
         last = int(intervals(end - offset, self.interval))
         times = np.arange(first, last + 1) * self.interval + offset
-        quiet = np.zeros(times.size, dtype=bool)
-        for start, stop in self.silent:
-            quiet |= (times >= start) & (times <= stop)
-        return times[~quiet]
+        return times[~is_silent(times, self.silent)]
 
     def span(self, time: float, loud: float) -> float:
         """How long it takes from a time on [s] until as long as ``loud`` [s] was not silent."""
@@ -124,6 +117,16 @@ class Schedule:
             near = later[later <= ends[-1] + length]
             ends.append(float(near[-1] if near.size else later[0]))
         return Stages(np.diff(ends), self.pings(np.array(ends), auvs))
+
+
+def is_silent(
+    times: Float[np.ndarray, "*batch"], silent: Sequence[tuple[float, float]]
+) -> Bool[np.ndarray, "*batch"]:
+    """Whether nothing is ranged at times [s], of silences from when to when [s], ends included."""
+    quiet = np.zeros(times.shape, dtype=bool)
+    for start, stop in silent:
+        quiet |= (times >= start) & (times <= stop)
+    return quiet
 
 
 def time_to_next(time: Any, interval: float) -> Any:

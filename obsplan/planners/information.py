@@ -11,7 +11,7 @@ from jaxtyping import Float
 from formulations.beam_search import Link, search_manoeuvres, turn_candidates
 from formulations.model.covariance import DEPTH, Tracks
 from formulations.model.schedule import Stages
-from formulations.solution import Status
+from formulations.solution import Solution, Status
 from obsplan.constraints import Constraints
 from obsplan.planning.checks import check_choices, check_situation
 from obsplan.planning.companion import Companion, Turns, told
@@ -128,15 +128,38 @@ class InformationHorizon:
         self, pose: Pose, auvs: Sequence[Belief], companions: Sequence[Companion], time: float
     ) -> Decision:
         cna = self.situation.cna
-        covariance, process_noise = believed(auvs)
-        if not np.isfinite(covariance).all():
-            return straight_on(cna, pose, Status.INVALID_INPUT, len(auvs))
         schedule = self.situation.schedule
         stages = schedule.stages(time, self.horizon, self.stages, len(auvs))
-        state = np.array([pose.x, pose.y, pose.heading])
-        turn_rates = self._candidates
+        best = self._best(pose, auvs, companions, time, stages)
+        if best is None or not np.isfinite(best.objective):  # what is told is no number
+            return straight_on(cna, pose, Status.INVALID_INPUT, len(auvs))
+        turns, lasting = tuple(best.x.tolist()), tuple(stages.duration.tolist())
+        return Decision(
+            turn_rate=turns[0],
+            speed=cna.speed,
+            predict=lambda: best.poses,
+            score=best.objective,
+            status=best.status,
+            condition=np.full(len(auvs), np.nan),
+            route=Turns(pose, turns, cna.speed, lasting, self.situation.current),
+        )
+
+    def _best(
+        self,
+        pose: Pose,
+        auvs: Sequence[Belief],
+        companions: Sequence[Companion],
+        time: float,
+        stages: Stages,
+    ) -> Solution | None:
+        """The best sequence found; None where a covariance is no number."""
+        cna = self.situation.cna
+        covariance, process_noise = believed(auvs)
+        if not np.isfinite(covariance).all():
+            return None
+        state, turn_rates = np.array([pose.x, pose.y, pose.heading]), self._candidates
         limits = LimitsAhead(self.situation, auvs, companions) if self.constraints else None
-        best = search_manoeuvres(
+        return search_manoeuvres(
             state,
             covariance,
             tracks=predicted_tracks(auvs, stages, self.situation.transducer_depth),
@@ -156,25 +179,6 @@ class InformationHorizon:
             else limits.first_move(state, turn_rates, cna.speed),
             doubts=np.minimum([auv.doubt for auv in auvs], greatest_doubt(self.situation)),
             known=told(companions, auvs, time, stages, self.situation.current),
-        )
-        if not np.isfinite(best.objective):  # a current or a process noise is no number
-            return straight_on(cna, pose, Status.INVALID_INPUT, len(auvs))
-        turn_rate = float(best.x[0])
-        nothing = np.full(len(auvs), np.nan)
-        return Decision(
-            turn_rate=turn_rate,
-            speed=cna.speed,
-            predict=lambda: best.poses,
-            score=best.objective,
-            status=best.status,
-            condition=nothing,
-            route=Turns(
-                pose,
-                tuple(best.x.tolist()),
-                cna.speed,
-                tuple(stages.duration.tolist()),
-                self.situation.current,
-            ),
         )
 
 

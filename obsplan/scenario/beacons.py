@@ -6,13 +6,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from formulations.model.ranging import Ranging
-from formulations.model.schedule import Schedule
+from formulations.model.schedule import ROUNDING, Schedule, intervals, is_silent
 from obsplan.planning.companion import Companion, Moored
 from obsplan.scenario.ranging import RangingTable
 from obsplan.scenario.tables import ScenarioTable, aids_of
 from obsplan.sensors.sensor import KnowsLaw, Sensor
-
-PLACES = 1e-6  # of a step: times this near to a sample are the sample's
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,15 +73,13 @@ def ranged_steps(
     Round k = 1, 2, ... begins at k intervals.
     """
     ranging, dt = table.ranging, table.time_step
-    rounds = int(np.floor(steps * dt / ranging.interval + PLACES))
+    rounds = int(intervals(steps * dt, ranging.interval))
     begin = np.arange(1, rounds + 1)[:, None, None] * ranging.interval
     times = begin + offset
     if random is not None and ranging.jitter:
         times = times + random.uniform(0.0, ranging.jitter, times.shape)
-    sample = np.ceil(times / dt - PLACES).astype(int)
-    due = sample <= steps
-    for start, stop in ranging.silent:
-        due &= ~((times >= start) & (times <= stop))
+    sample = np.ceil(times / dt - ROUNDING).astype(int)
+    due = (sample <= steps) & ~is_silent(times, ranging.silent)
     mask = np.zeros((steps, *offset.shape), dtype=bool)
     _, beacon, auv = np.nonzero(due)
     mask[sample[due] - 1, beacon, auv] = True

@@ -263,8 +263,8 @@ class Equipment:
         """Speed of sound by which instruments make distances of times [m/s]."""
         sensor = self.range_sensor
         if not isinstance(sensor, Range):
-            return Range().sound_speed
-        return sensor.assumed_sound_speed or sensor.sound_speed
+            return Range().usual_sound_speed
+        return sensor.usual_sound_speed
 
     @property
     def bearing_sensor(self) -> Bearing | None:

@@ -96,8 +96,14 @@ class Range:
         """Standard deviation at no distance, that of the reply's delay in it [m]."""
         if self.timing != "two-way" or not self.turn_around_sigma:
             return self.sigma
-        speed = self.assumed_sound_speed or self.sound_speed
-        return float(np.hypot(self.sigma, speed * self.turn_around_sigma / 2))
+        return float(np.hypot(self.sigma, self.usual_sound_speed * self.turn_around_sigma / 2))
+
+    @property
+    def usual_sound_speed(self) -> float:
+        """Speed by which the instrument makes distances of times [m/s]; a profile's mean."""
+        if self.assumed_sound_speed is not None or not self.profile:
+            return self.assumed_sound_speed or self.sound_speed
+        return float(mean_sound_speed(self.profile, self.profile[0][0], self.profile[-1][0]))
 
     @property
     def at_rest(self) -> "Range":

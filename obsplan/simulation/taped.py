@@ -172,7 +172,7 @@ def flight(sensor: Sensor, ranged: Float[np.ndarray, " n"]) -> np.ndarray:
     """How long before a range came its message, or the question for it, was sent [s]."""
     if not isinstance(sensor, Range) or sensor.timing == "instant":
         return np.zeros_like(ranged)
-    one_way = ranged / (sensor.assumed_sound_speed or sensor.sound_speed)
+    one_way = ranged / sensor.usual_sound_speed
     if sensor.timing == "one-way":
         return one_way
     return 2 * one_way + sensor.turn_around
