@@ -23,23 +23,29 @@ class Measurements(NamedTuple):
     beacon: Integer[np.ndarray, " n"]  # number; -1 of what concerns none
     sensor: Integer[np.ndarray, " n"]  # number in `Tape.sensors`
     value: Float[np.ndarray, " n"]  # in the sensor's unit: [m], [m^2], [rad] or [m/s]
+    sigma: Float[np.ndarray, " n"]  # of this very one, in that unit; nan: the sensor's own
+    # the other vehicle as the AUV takes it, rows of `BEACON`: where it is when the measurement
+    # comes; a recording has it where it was when it sent, at rest
+    told: Float[np.ndarray, "n 10"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tape:
     """Motions, measurements and beacon tracks; the truth where there is one.
 
-    Frames as in `obsplan.Run`. Turns and changes of speed are what an AUV measured of itself in the
-    step that ends at a sample, headings what its compass said then; both begin at the second
-    sample.
+    Frames as in `obsplan.Run`. Turns, changes of speed and sway are what an AUV measured of itself
+    in the step that ends at a sample, headings what its compass said then; all begin at the second
+    sample. Samples may be unevenly apart; each measurement is received at one of them. Its beacon
+    is a number in ``beacons``, or that many and the number of another AUV.
     """
 
-    time: Float[np.ndarray, " samples"]  # [s]
+    time: Float[np.ndarray, " samples"]  # [s], increasing
     auvs: tuple[str, ...]  # names
     beacons: tuple[str, ...]
     turn: Float[np.ndarray, "auvs steps"]  # [rad]
     change_of_speed: Float[np.ndarray, "auvs steps"]  # through the water [m/s]
-    heading: Float[np.ndarray, "auvs steps"]  # measured [rad]
+    sway: Float[np.ndarray, "auvs steps"]  # moved to the left [m]
+    heading: Float[np.ndarray, "auvs steps"]  # measured [rad]; nan where none was
     depth: Float[np.ndarray, "auvs samples"]  # of the transducer, as measured [m]
     pose: Float[np.ndarray, "beacons samples 3"]  # east, north [m], heading [rad]
     beacon_depth: Float[np.ndarray, " beacons"]  # [m]

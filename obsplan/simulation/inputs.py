@@ -69,7 +69,6 @@ def mission_inputs(scenario: Scenario, starts: Sequence[Pose], seed: int) -> tup
 def at_sea(inputs: Inputs, scenario: Scenario, random: Streams) -> Inputs:
     """The inputs with what a scenario has besides those that every mission has."""
     has, of_each = Features.of(scenario), inputs.range_error.shape
-    steps, auvs, _ = of_each
     if has.lossy:
         inputs = inputs._replace(chance=random.arrival.random(of_each))
     false, twice = faults(scenario, random.faults)
@@ -79,7 +78,7 @@ def at_sea(inputs: Inputs, scenario: Scenario, random: Streams) -> Inputs:
         inputs = inputs._replace(
             survey=np.concatenate([inputs.survey, depth[:-1]], axis=-1),
             depth=depth[1:],
-            depth_error=random.depth.standard_normal((steps, auvs, 1)) * scenario.depth_sigma,
+            depth_error=depth_errors(scenario, random.depth),
         )
     if has.bearing:
         inputs = inputs._replace(bearing_error=random.bearing.standard_normal(of_each))
@@ -117,6 +116,14 @@ def log_errors(
     features = Features.of(scenario)
     shape = (scenario.time.size - 1, len(scenario.table.auv), features.logged)
     return random.standard_normal(shape)
+
+
+def depth_errors(
+    scenario: Scenario, random: np.random.Generator
+) -> Float[np.ndarray, "steps auvs 1"]:
+    """Errors of measured depths [m]; ``random`` is the stream of depths."""
+    shape = (scenario.time.size - 1, len(scenario.table.auv), 1)
+    return random.standard_normal(shape) * scenario.depth_sigma
 
 
 def logged(scenario: Scenario) -> Bool[np.ndarray, "steps auvs 1"]:

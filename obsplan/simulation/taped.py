@@ -12,7 +12,16 @@ from obsplan.run import Run
 from obsplan.scenario import Scenario
 from obsplan.scenario.states import BASIC
 from obsplan.sensors import BEACON, Range, Sensor
-from obsplan.simulation.inputs import faults, log_errors, logged, mission_inputs, streams
+from obsplan.simulation.features import Features
+from obsplan.simulation.inputs import (
+    depth_errors,
+    faults,
+    log_errors,
+    logged,
+    mission_inputs,
+    stream,
+    streams,
+)
 from obsplan.tape import Measurements, Tape
 from obsplan.types import Pose
 
@@ -31,44 +40,62 @@ def to_tape(run: Run) -> Tape:
     truth = run.truth[..., :BASIC]
     # the autopilot brings heading and speed back to the survey's at the end of each step
     steered = inputs.steer.swapaxes(0, 1) - truth[:, :-1, 2:]
-    depth = scenario.depths.T.copy()
-    if inputs.depth_error.size:
-        depth[:, 1:] += inputs.depth_error[..., 0].T
-    beacons = scenario.beacons
-    heading = [
-        np.zeros(run.time.size) if b.carrier is None else run.aids[b.carrier].pose[:, 2]
-        for b in beacons
-    ]
-    pose = np.concatenate([run.beacon_places, np.stack(heading)[..., None]], axis=-1)
+    drawn, beacons = Drawn.of(run), scenario.beacons
     return Tape(
         time=run.time,
         auvs=tuple(run.names),
         beacons=tuple(beacon.name for beacon in beacons),
         turn=steered[..., 0],
         change_of_speed=steered[..., 1],
+        sway=np.zeros(steered.shape[:2]),
         heading=truth[:, 1:, 2] + inputs.heading_error[..., 0].T,
-        depth=depth,
-        pose=pose,
+        depth=drawn.depth,
+        pose=drawn.motion[..., :3],
         beacon_depth=np.array([beacon.depth for beacon in beacons]),
         sensors=sensors_of(scenario),
-        measurements=measurements(run, Drawn.of(run)),
+        measurements=measurements(run, drawn),
         truth=run.truth,
     )
 
 
+def beacon_motion(run: Run) -> Float[np.ndarray, "beacons samples 7"]:
+    """Each beacon at each sample as AUVs take it: the first seven of `BEACON`."""
+    found = np.zeros((len(run.scenario.beacons), run.time.size, 7))
+    found[..., :2] = run.beacon_places
+    streams_of_aids = stream(run.scenario).swapaxes(0, 1)
+    for motion, beacon in zip(found, run.scenario.beacons, strict=True):
+        motion[:, 6] = beacon.depth
+        if beacon.carrier is None:
+            continue
+        aid = run.aids[beacon.carrier]
+        motion[:, 2] = aid.pose[:, 2]
+        # the command of the step that ends at a sample
+        speed, turn_rate = aid.speed[:-1], aid.turn_rate[:-1]
+        ahead = np.column_stack([np.cos(motion[1:, 2]), np.sin(motion[1:, 2])])
+        motion[1:, 3:5] = speed[:, None] * ahead + streams_of_aids[beacon.carrier]
+        motion[1:, 5] = turn_rate
+    return found
+
+
 class Drawn(NamedTuple):
-    """What a run does not record of its measurements: its seed says it again."""
+    """What measurements hold besides what a run records: its seed says it again."""
 
     twice: Float[np.ndarray, "steps auvs some"] | Bool[np.ndarray, "steps auvs some"]
     logged: Bool[np.ndarray, "steps auvs 1"]
     log_error: Float[np.ndarray, "steps auvs components"]  # in standard deviations
+    depth: Float[np.ndarray, "auvs samples"]  # as measured [m]
+    motion: Float[np.ndarray, "beacons samples 7"]  # of beacons: the first of `BEACON`
 
     @classmethod
     def of(cls, run: Run) -> "Drawn":
         """What was drawn in a run that was flown."""
         random = streams(run.seed)
         _, twice = faults(run.scenario, random.faults)
-        return cls(twice, logged(run.scenario), log_errors(run.scenario, random.log))
+        depth = run.scenario.depths.T.copy()
+        if Features.of(run.scenario).deep:
+            depth[:, 1:] += depth_errors(run.scenario, random.depth)[..., 0].T
+        logs = log_errors(run.scenario, random.log)
+        return cls(twice, logged(run.scenario), logs, depth, beacon_motion(run))
 
 
 def sensors_of(scenario: Scenario) -> dict[str, Sensor]:
@@ -97,6 +124,8 @@ def measurements(run: Run, drawn: Drawn, some: slice = slice(None)) -> Measureme
     # the range that a bearing came with; a speed comes from nowhere
     ranged = np.where(beacon < 0, 0.0, run.ranges[beacon, auv, sample])
     away = np.where(beacon < 0, 0.0, flight(run.scenario.range_sensor, ranged))
+    current = np.array(run.scenario.assumed_currents)[auv]
+    told = [drawn.motion[beacon.clip(0), sample], drawn.depth[auv, sample, None], current]
     return Measurements(
         sent=received - away,
         received=received,
@@ -104,6 +133,8 @@ def measurements(run: Run, drawn: Drawn, some: slice = slice(None)) -> Measureme
         beacon=beacon,
         sensor=sensor,
         value=value,
+        sigma=np.full(value.size, np.nan),
+        told=np.concatenate(told, axis=1),
     )
 
 

@@ -17,6 +17,7 @@ class State(NamedTuple):
     start: float = 0.0  # value at time 0; where only the filter has the state, its first mean
     sigma: float = 0.0  # standard deviation of the filter's first estimate
     walk: float = 0.0  # of its random walk, per square root of a second
+    walk_per_meter: float = 0.0  # besides, per square root of a metre travelled
 
 
 States = Mapping[str, State]
