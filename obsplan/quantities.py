@@ -154,4 +154,5 @@ TURNS = Quantity(2, 100, "", "a program with more is not solved in the time of a
 BEAM_WIDTH = Quantity(1, 10_000, "", "more are not kept in the time of a decision")
 STARTS = Quantity(1, 10_000, "", "more take days")
 ITERATIONS = Quantity(1, 100_000, "", "what has not converged by then does not")
+GAUSS_NEWTON = Quantity(1, 20, "", "what has not converged by then does not")
 RUNS = Quantity(1, 1_000_000, "", "more are flown by nobody")

@@ -157,7 +157,7 @@ from dataclasses import dataclass
 import casadi as ca
 import obsplan as op
 class Plain:
-    states = predict = update = None
+    states = predict = innovation = update = None
 @dataclass(frozen=True)
 class Half:
     def states(self, model): return model.states
@@ -171,10 +171,14 @@ class Lopsided(op.Ekf):
 class Raises(op.Ekf):
     def predict(self, x, P, u, process): return process.modle
 @dataclass
-class Loose(op.Ekf.__mro__[1]):
+class Loose:
     def states(self, model): return model.states
     def predict(self, x, P, u, process): return x, P
+    def innovation(self, x, P, z, sensor, beacon): return z, z, x.T
     def update(self, x, P, z, sensor, beacon): return x, P
+@dataclass(frozen=True)
+class Tall(op.Ekf):
+    def innovation(self, x, P, z, sensor, beacon): return z, z, x
 @dataclass(frozen=True)
 class Clash(op.Ekf):
     process_noise: float = 1.0
@@ -205,10 +209,14 @@ number = 3
         ({"kind": "mine:"}, r"must be a module and a class at its top"),
         ({"kind": "broken:number"}, r"number is no class but a int"),
         ({"kind": "broken:Plain"}, r"is no dataclass; write @dataclass"),
-        ({"kind": "broken:Half"}, r"lacks predict and update"),
+        ({"kind": "broken:Half"}, r"lacks predict and innovation and update"),
         (
             {"kind": "broken:Wrong"},
             r"estimator: update must return 4 x 1 and 4 x 4, got 4 x 1 and 2 x 2",
+        ),
+        (
+            {"kind": "broken:Tall"},
+            r"innovation must return 1 x 1 and 1 x 1 and 1 x 4, got 1 x 1 and 1 x 1 and 4 x 1",
         ),
         (
             {"kind": "broken:Lopsided"},

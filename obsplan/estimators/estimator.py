@@ -33,6 +33,15 @@ class Estimator(Protocol):
         """Mean and covariance one sample later; u as in `Vehicle.step`."""
         ...
 
+    def innovation(
+        self, x: ca.SX, P: ca.SX, z: ca.SX, sensor: Sensor, beacon: ca.SX
+    ) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Innovation of the scalar measurement z (a wrapped angle), its variance, and its slope H.
+
+        H, 1 x n, is the measurement's derivative with respect to the state, as the filter takes it.
+        """
+        ...
+
     def update(
         self, x: ca.SX, P: ca.SX, z: ca.SX, sensor: Sensor, beacon: ca.SX
     ) -> tuple[ca.SX, ca.SX]:

@@ -211,7 +211,7 @@ VEHICLE = Choice(
 ESTIMATOR = Choice(
     what="estimator",
     known=ESTIMATORS,
-    needs=("states", "predict", "update"),
+    needs=("states", "predict", "innovation", "update"),
     base=EstimatorTable,
     default="ekf",
 )

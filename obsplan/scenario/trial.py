@@ -30,7 +30,7 @@ def try_sensor(sensor: Sensor, n: int) -> None:
 
 
 def try_estimator(estimator: Estimator, vehicle: Vehicle, sensor: Sensor) -> None:
-    """Raise ValueError unless prediction and update return mean and covariance of the states."""
+    """Raise ValueError unless what the filter returns is of the shapes its states ask for."""
     _frozen(estimator)
     _called("states", lambda: check_states(estimator.states(vehicle)))
     n = len(estimator.states(vehicle))
@@ -39,6 +39,8 @@ def try_estimator(estimator: Estimator, vehicle: Vehicle, sensor: Sensor) -> Non
     whole = [x.shape, P.shape]
     _shaped("predict", lambda: estimator.predict(x, P, u, process), whole)
     z, beacon = symbol("z"), symbol("beacon", len(BEACON))
+    scalars = [(1, 1), (1, 1), (1, n)]
+    _shaped("innovation", lambda: estimator.innovation(x, P, z, sensor, beacon), scalars)
     _shaped("update", lambda: estimator.update(x, P, z, sensor, beacon), whole)
 
 

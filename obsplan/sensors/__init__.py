@@ -8,7 +8,7 @@ from obsplan.sensors.bearing import Bearing
 from obsplan.sensors.dvl import Dvl
 from obsplan.sensors.heading import Heading
 from obsplan.sensors.range import Range
-from obsplan.sensors.sensor import BEACON, Sensor, SpeedSensor
+from obsplan.sensors.sensor import BEACON, Sensor, SpeedSensor, residual
 from obsplan.sensors.squared_range import SquaredRange
 from obsplan.sensors.water_speed import WaterSpeed
 
@@ -28,4 +28,5 @@ __all__ = [
     "SpeedSensor",
     "SquaredRange",
     "WaterSpeed",
+    "residual",
 ]

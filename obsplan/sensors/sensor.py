@@ -43,6 +43,14 @@ class Sensor(Protocol):
         ...
 
 
+def residual(sensor: Sensor, z: ca.SX, expected: ca.SX) -> ca.SX:
+    """Measured less expected; an angle's lies between -π and π."""
+    difference = z - expected
+    if sensor.periodic:
+        return ca.atan2(ca.sin(difference), ca.cos(difference))
+    return difference
+
+
 @runtime_checkable
 class KnowsLaw(Protocol):
     """A sensor that says what planners count on."""

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from formulations.model.casadi import SX
 from obsplan.estimators.jacobian import jacobian
-from obsplan.sensors import Sensor
+from obsplan.sensors import Sensor, residual
 
 NEWEST = 0.25  # weight of the newest range in the running mean, which so remembers some four
 
@@ -23,9 +23,7 @@ def unexplained(x: SX, P: SX, z: SX, sensor: Sensor, beacon: SX) -> SX:
     along the line of sight.
     """
     H = jacobian(lambda state: sensor.measure(state, beacon), x)
-    innovation = z - sensor.measure(x, beacon)
-    if sensor.periodic:
-        innovation = ca.atan2(ca.sin(innovation), ca.cos(innovation))
+    innovation = residual(sensor, z, sensor.measure(x, beacon))
     expected = H @ P @ H.T + sensor.deviation(x, beacon) ** 2
     # a squared range's unit per metre; a slant range from above tells of no place: at least 1
     per_square_metre = ca.fmax(1.0, ca.sumsqr(H[:2]))
