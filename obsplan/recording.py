@@ -9,6 +9,7 @@ from jaxtyping import Float, Int8
 
 from formulations.solution import Status
 from obsplan import geo
+from obsplan.cf import Variables, latitude, longitude, quantity
 from obsplan.files import open_atomically
 from obsplan.run import AidTrack, Run
 from obsplan.scenario.states import BASIC, own
@@ -21,8 +22,6 @@ EPOCH = "seconds since 1970-01-01T00:00:00Z"
 UNITS = "component_units"  # attribute of the states
 NO_DECISION = -1  # fill value of the status flag
 CCW = "counter-clockwise from east"
-
-Variables = dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, Any]]]
 
 
 def to_dataset(run: Run) -> "xr.Dataset":
@@ -176,8 +175,8 @@ def _attributes(run: Run) -> dict[str, Any]:
     return {
         "Conventions": "CF-1.11",
         "featureType": "trajectory",
-        "title": f"Aid vehicle and AUVs in {table.name} under {run.planner}",
-        "source": "simulation",
+        "title": _title(run),
+        "source": run.source,
         "history": f"written by obsplan {__version__}",
         "comment": "x and y are local east and north about the origin on WGS 84; "
         "time is the mission's, its epoch nominal",
@@ -191,12 +190,22 @@ def _attributes(run: Run) -> dict[str, Any]:
     }
 
 
+def _title(run: Run) -> str:
+    name = run.scenario.table.name
+    return (
+        f"AUVs in {name}, replayed"
+        if run.is_replay
+        else (f"Aid vehicle and AUVs in {name} under {run.planner}")
+    )
+
+
 def _coordinates(run: Run) -> Variables:
-    lat, lon = _latlon(run, run.truth[..., :2])
+    lat, lon = _latlon(run, run.places)
+    which = "true" if run.truth is not None else "best known"
     time = {
         "standard_name": "time",
         "long_name": "mission time",
-        "units": EPOCH,
+        "units": EPOCH if run.began is None else f"seconds since {run.began.isoformat()}",
         "calendar": "standard",
         "axis": "T",
         "units_metadata": "leap_seconds: none",
@@ -217,8 +226,8 @@ def _coordinates(run: Run) -> Variables:
                 UNITS: [state.unit for state in run.scenario.filter_states.values()],
             },
         ),
-        "lat": (along, lat, {**_latitude("true latitude of the AUV"), "axis": "Y"}),
-        "lon": (along, lon, {**_longitude("true longitude of the AUV"), "axis": "X"}),
+        "lat": (along, lat, {**latitude(f"{which} latitude of the AUV"), "axis": "Y"}),
+        "lon": (along, lon, {**longitude(f"{which} longitude of the AUV"), "axis": "X"}),
     }
 
 
@@ -228,6 +237,8 @@ def _identity() -> dict[str, Any]:
 
 def _cna(run: Run) -> Variables:
     """The aid vehicle's; of others ``cna_2_x`` and so on."""
+    if not run.has_aid:
+        return {}
     found = _of_aid(run, run.aids[0], "cna", "the aid vehicle")
     for aid, name in zip(run.others, run.aid_names[1:], strict=True):
         found |= _of_aid(run, aid, name.replace("-", "_"), f"aid vehicle {name}")
@@ -238,15 +249,15 @@ def _of_aid(run: Run, aid: AidTrack, name: str, whose: str) -> Variables:
     along, (east, north, heading) = ("time",), aid.pose.T
     lat, lon = _latlon(run, aid.pose[:, :2])
     turning = f"turn rate of {whose}, positive to the left"
-    speed = _quantity("m s-1", f"speed of {whose}", "platform_speed_wrt_ground")
+    speed = quantity("m s-1", f"speed of {whose}", "platform_speed_wrt_ground")
     return {
-        f"{name}_x": (along, east, _quantity("m", f"east of {whose}")),
-        f"{name}_y": (along, north, _quantity("m", f"north of {whose}")),
-        f"{name}_heading": (along, heading, _quantity("rad", f"heading of {whose}, {CCW}")),
-        f"{name}_turn_rate": (along, aid.turn_rate, _quantity("rad s-1", turning)),
+        f"{name}_x": (along, east, quantity("m", f"east of {whose}")),
+        f"{name}_y": (along, north, quantity("m", f"north of {whose}")),
+        f"{name}_heading": (along, heading, quantity("rad", f"heading of {whose}, {CCW}")),
+        f"{name}_turn_rate": (along, aid.turn_rate, quantity("rad s-1", turning)),
         f"{name}_speed": (along, aid.speed, speed),
-        f"{name}_lat": (along, lat, _latitude(f"latitude of {whose}")),
-        f"{name}_lon": (along, lon, _longitude(f"longitude of {whose}")),
+        f"{name}_lat": (along, lat, latitude(f"latitude of {whose}")),
+        f"{name}_lon": (along, lon, longitude(f"longitude of {whose}")),
     }
 
 
@@ -256,18 +267,20 @@ def _auvs(run: Run) -> Variables:
     squared = run.scenario.ranging_kind == "squared-range"
     found: Variables = {}
     for prefix, states, whose in (("auv", run.truth, "true"), ("est", run.mean, "estimated")):
+        if states is None:
+            continue
         found |= {
-            f"{prefix}_x": (along, states[..., 0], _quantity("m", f"{whose} east of the AUV")),
-            f"{prefix}_y": (along, states[..., 1], _quantity("m", f"{whose} north of the AUV")),
+            f"{prefix}_x": (along, states[..., 0], quantity("m", f"{whose} east of the AUV")),
+            f"{prefix}_y": (along, states[..., 1], quantity("m", f"{whose} north of the AUV")),
             f"{prefix}_heading": (
                 along,
                 states[..., 2],
-                _quantity("rad", f"{whose} heading of the AUV, {CCW}"),
+                quantity("rad", f"{whose} heading of the AUV, {CCW}"),
             ),
             f"{prefix}_speed": (
                 along,
                 states[..., 3],
-                _quantity(
+                quantity(
                     "m s-1",
                     f"{whose} speed of the AUV through the water",
                     "platform_speed_wrt_sea_water",
@@ -276,15 +289,16 @@ def _auvs(run: Run) -> Variables:
         }
     found |= _own_states(run)
     ranges: Variables = {}
+    found |= _smoothed(run)
     for b, beacon in enumerate(run.scenario.beacons):
         alone = len(run.ranges) == 1 and beacon.carrier is not None
         whom = "the aid vehicle" if alone else beacon.name
         about = f"measured {'squared ' * squared}range to {whom}"
         name = "range" if b == 0 else f"range_{b + 1}"
-        ranges[name] = (along, run.ranges[b], _quantity("m2" if squared else "m", about))
+        ranges[name] = (along, run.ranges[b], quantity("m2" if squared else "m", about))
     located: Variables = {
-        "est_lat": (along, est_lat, _latitude("estimated latitude of the AUV")),
-        "est_lon": (along, est_lon, _longitude("estimated longitude of the AUV")),
+        "est_lat": (along, est_lat, latitude("estimated latitude of the AUV")),
+        "est_lon": (along, est_lon, longitude("estimated longitude of the AUV")),
         "covariance": ((*along, "state", "state_2"), run.covariance, _of_covariance(run)),
     }
     return found | located | ranges
@@ -308,9 +322,11 @@ def _own_states(run: Run) -> Variables:
         ("est", run.mean, scenario.filter_states, "estimated"),
     )
     for prefix, values, states, whose in sides:
+        if values is None:
+            continue
         for i, (name, state) in enumerate(states.items()):
             if i >= BASIC:
-                about = _quantity(state.unit, f"{whose} {name} of the AUV")
+                about = quantity(state.unit, f"{whose} {name} of the AUV")
                 found[f"{prefix}_{name}"] = (("auv", "time"), values[..., i], about)
     return found
 
@@ -339,26 +355,37 @@ def _decisions(run: Run) -> Variables:
 def _derived(run: Run) -> Variables:
     along = ("auv", "time")
     bound = "root mean square position error by the posterior Cramer-Rao bound"
-    return {
-        "error": (along, run.error, _quantity("m", "distance between true and estimated position")),
+    if run.truth is None:
+        return {}
+    found: Variables = {
+        "error": (along, run.error, quantity("m", "distance between true and estimated position")),
         "nees": (
             along,
             run.nees,
-            _quantity(
+            quantity(
                 "1", "normalised estimation error squared of the position, 2 degrees of freedom"
             ),
         ),
-        "pcrb": (
-            along,
-            np.sqrt(run.cramer_rao_variance),
-            _quantity("m", bound),
-        ),
-        "separation": (
-            along,
-            run.separation,
-            _quantity("m", "true horizontal distance between aid vehicle and AUV"),
-        ),
     }
+    if not run.unbounded_below:
+        found["pcrb"] = (along, np.sqrt(run.cramer_rao_variance), quantity("m", bound))
+    if run.has_aid:
+        about = quantity("m", "true horizontal distance between aid vehicle and AUV")
+        found["separation"] = (along, run.separation, about)
+    return found
+
+
+def _smoothed(run: Run) -> Variables:
+    """Where AUVs were by all of their ranges, and how many positions fitted at the time."""
+    along, found = ("auv", "time"), {}
+    if run.smoothed is not None:
+        for k, (name, word) in enumerate((("x", "east"), ("y", "north"))):
+            about = quantity("m", f"{word} of the AUV by all of its ranges")
+            found[f"smoothed_{name}"] = (along, run.smoothed[..., k], about)
+    if run.hypotheses is not None:
+        about = quantity("1", "number of positions that fit")
+        found["hypotheses"] = (along, run.hypotheses, about)
+    return found
 
 
 def _flags(status: Float[np.ndarray, " samples"]) -> Int8[np.ndarray, " samples"]:
@@ -370,17 +397,3 @@ def _latlon(run: Run, xy: Float[np.ndarray, "*n 2"]) -> tuple[np.ndarray, np.nda
     origin = run.scenario.table.origin
     latlon = geo.to_geographic(xy, (origin.lat, origin.lon))
     return latlon[..., 0], latlon[..., 1]
-
-
-def _quantity(units: str, long_name: str, standard_name: str | None = None) -> dict[str, Any]:
-    return {"long_name": long_name, "units": units} | (
-        {"standard_name": standard_name} if standard_name else {}
-    )
-
-
-def _latitude(long_name: str) -> dict[str, Any]:
-    return _quantity("degrees_north", long_name, "latitude")
-
-
-def _longitude(long_name: str) -> dict[str, Any]:
-    return _quantity("degrees_east", long_name, "longitude")

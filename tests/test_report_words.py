@@ -9,7 +9,8 @@ from scipy.stats import chi2
 
 from formulations.solution import Status
 from obsplan.report import compare_table, limit_notes, planner_notes, run_table, verdicts
-from obsplan.report.verdict import INSIDE, mirror, sentence
+from obsplan.report.consistency import INSIDE
+from obsplan.report.verdict import mirror, sentence
 from obsplan.report.words import title
 from obsplan.scenario import from_dict
 from obsplan.simulation import simulate

@@ -41,6 +41,7 @@ def run(
     """Simulate a survey: plan the aid vehicle's path, estimate, report, write files to load."""
     from obsplan.report import (
         exports_sentences,
+        filter_notes,
         free_folder,
         hearing_notes,
         limit_notes,
@@ -71,7 +72,13 @@ def run(
     with keeping(folder, WRITTEN):
         show(run_table(flown))
         heard = (*sea_notes(flown), *hearing_notes(flown))
-        notes = (*verdicts(flown), *heard, *limit_notes(flown), *planner_notes(flown))
+        notes = (
+            *verdicts(flown),
+            *filter_notes(flown),
+            *heard,
+            *limit_notes(flown),
+            *planner_notes(flown),
+        )
         for sentence in (*notes, *exports_sentences(exports)):
             say(sentence)
         paths = [name for export in exports for name in path_names(export).values()]

@@ -11,6 +11,7 @@ _HOME = {
     "errors_figure": "errors",
     "export_sentences": "export_words",
     "exports_sentences": "export_words",
+    "filter_notes": "consistency",
     "free_folder": "files",
     "hearing_notes": "hearing",
     "limit_notes": "verdict",

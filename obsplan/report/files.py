@@ -115,24 +115,34 @@ def write_run(run: Run, folder: Path | str, exports: Sequence[Export] = ()) -> N
         The folder exists or cannot be written.
     """
     from obsplan.report.errors import errors_figure
+    from obsplan.report.innovations import innovations_figure, shows_innovations
     from obsplan.report.map import map_figure
     from obsplan.report.measurements import has_more_measured, measurements_csv
+    from obsplan.report.ranged import ranges_csv, smoothed_csv
     from obsplan.report.style import png
 
-    exports = exports or make_exports(run)
-    summary = summary_of(run) | {"export": summaries(exports)}
+    summary = summary_of(run)
+    if not run.is_replay:  # what was sailed is not sailed again
+        exports = exports or make_exports(run)
+        summary["export"] = summaries(exports)
     with new_folder(Path(folder)) as made:
         write_atomically(made / "scenario.toml", scenario_toml(run))
         write_netcdf(run, made / "tracks.nc")
         write_atomically(made / "tracks.csv", tracks_csv(run))
         if run.others:
             write_atomically(made / "aids.csv", aids_csv(run))
-        if has_more_measured(run.scenario):
+        if not run.is_replay and has_more_measured(run.scenario):
             write_atomically(made / "measurements.csv", measurements_csv(run))
+        if run.ranged is not None:
+            write_atomically(made / "ranges.csv", ranges_csv(run, run.ranged))
+        if run.smoothed is not None:
+            write_atomically(made / "smoothed.csv", smoothed_csv(run, run.smoothed))
         for export in exports:
             write_paths(run, export, made)
         write_atomically(made / "map.png", png(partial(map_figure, run)))
         write_atomically(made / "errors.png", png(partial(errors_figure, run)))
+        if shows_innovations(run):
+            write_atomically(made / "nis.png", png(partial(innovations_figure, run)))
         write_atomically(made / "summary.json", as_json(summary))
         write_atomically(made / "timing.json", as_json(timing(run)))
 
@@ -219,10 +229,11 @@ def check_free(folder: Path) -> None:
 def scenario_toml(run: Run) -> str:
     """The scenario as a file that gives this run again, with nothing left to a default."""
     data: dict[str, Any] = run.scenario.resolved() | {"seed": run.seed}
+    how = "replayed" if run.is_replay else "run"
     lines = [
-        f"# {data['name']} as it was run: every key, mission files replaced by their waypoints"
+        f"# {data['name']} as it was {how}: every key, mission files replaced by their waypoints"
     ]
-    if name_of(run.scenario.planner()) != run.planner:
+    if not run.is_replay and name_of(run.scenario.planner()) != run.planner:
         lines.append(
             f"# but steered by {run.planner}, a planner given from code, which this file cannot "
             "name"
@@ -276,6 +287,8 @@ def toml_value(value: Any) -> str:
 def tracks_csv(run: Run) -> Iterator[str]:
     """The recording as a table, one row per time and AUV; lengths to a micrometre.
 
+    Columns of the truth, and of an aid vehicle, are empty where there is none.
+
     It comes in pieces of some thousand rows: as a whole it would take much more memory than the
     recording. ``range_m`` is empty between pings. Of a squared range it is the root, and 0 where
     noise made the square negative.
@@ -303,16 +316,20 @@ def aids_csv(run: Run) -> Iterator[str]:
 
 def _track_rows(run: Run, some: slice) -> Iterator[tuple[str, ...]]:
     """Rows of some samples."""
-    common = [rounded(column) for column in (run.time[some], *run.cna[some].T, run.turn_rate[some])]
+    aid = np.column_stack([run.cna[some], run.turn_rate[some]])
+    aid = aid if run.has_aid else np.full_like(aid, np.nan)
+    common = [rounded(column) for column in (run.time[some], *aid.T)]
     measured = ranges(run.scenario.ranging_kind, run.range[:, some])
+    true = np.full((*measured.shape, 3), np.nan) if run.truth is None else run.truth[:, some, :3]
+    error = true[..., 0] if run.truth is None else run.error[:, some]
     per_auv = []
     for i, name in enumerate(run.names):
         variance = np.diagonal(run.covariance[i, some, :2, :2], axis1=1, axis2=2)
         figures = (
-            *run.truth[i, some, :3].T,
+            *true[i].T,
             *run.mean[i, some, :2].T,
             *np.sqrt(np.maximum(variance, 0.0)).T,
-            run.error[i, some],
+            error[i],
             measured[i],
         )
         names = [inert(name)] * len(common[0])

@@ -15,7 +15,7 @@ def hearing_notes(run: Run) -> list[str]:
 
     Nothing is said where every report came with its range and on time.
     """
-    if not run.scenario.hearing_matters:
+    if run.is_replay or not run.scenario.hearing_matters:
         return []
     said = [(name, _clauses(run, i)) for i, name in enumerate(run.names)]
     notes = [f"{name}, as heard: {'; '.join(clauses)}." for name, clauses in said if clauses]

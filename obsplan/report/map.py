@@ -12,11 +12,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from obsplan.record import NO_TRUTH
 from obsplan.report.map_limits import binding_separations, boundary, draw_limits, ring
 from obsplan.report.marks import Label, draw_labels, mark_label, marked_instants, marks_in_words
 from obsplan.report.style import AID, BROKEN, FAINT, colour, dark, named, styled
 from obsplan.report.surround import draw_bar_and_north, draw_heading, draw_notes, fit_figure
-from obsplan.report.words import after, capital, clock, limit_name, metres, title
+from obsplan.report.words import after, capital, clock, limit_name, metres, sailed, title
 from obsplan.run import AidTrack, Run
 
 PROBABILITY = 0.95
@@ -35,6 +36,7 @@ BAND = 0.35  # opacity of a true track
 _START: dict[str, Any] = {"marker": "o", "ms": 5, "mfc": "white", "mew": 1.5, "ls": ""}
 _AID_START: dict[str, Any] = {"marker": "o", "ms": 7, "mfc": "white", "mec": AID, "mew": 1.6}
 _MOORED: dict[str, Any] = {"marker": "^", "ms": 7, "mfc": "white", "mec": AID, "ls": ""}
+_SMOOTHED: dict[str, Any] = {"lw": 0.9, "ls": (0, (4, 1.5))}
 _TIME: dict[str, Any] = {"marker": "o", "ms": 5, "mec": "white", "mew": 0.7, "ls": ""}
 _PING: dict[str, Any] = {"marker": "o", "ms": 2.4, "mfc": "white", "mew": 0.6, "ls": ""}
 _ARROW: dict[str, Any] = {"ms": 7, "mfc": AID, "mec": "white", "mew": 0.4, "ls": ""}
@@ -57,7 +59,7 @@ def map_figure(run: Run) -> Figure:
     _draw_aid(axes, run)
     _draw_pings(axes, run)
     _draw_moored(axes, run)
-    tracks = [*aid_tracks(run), *run.truth[..., :2]]
+    tracks = [*aid_tracks(run), *map(finite, run.places)]
     draw_labels(axes, _draw_marks(axes, run), tracks, inch=inch)
     origin = run.scenario.table.origin
     axes.set_xlabel(f"East of {degrees(origin.lon, 'E', 'W')} [m]")
@@ -80,12 +82,8 @@ def map_figure(run: Run) -> Figure:
 def heading(run: Run) -> list[tuple[str, str]]:
     """Lines above the map, each with its colour."""
     lines = [
-        (f"{title(run.scenario.table.name)}, planner {run.planner}", "black"),
-        (
-            f"RMS position error {metres(run.rms_error)}, worst {metres(run.max_error)}; "
-            f"{clock(run, run.time[-1])}, seed {run.seed}",
-            "black",
-        ),
+        (f"{title(run.scenario.table.name)}, {sailed(run)}", "black"),
+        (f"{_error(run)}; {clock(run, run.time[-1])}{_identity(run)}", "black"),
     ]
     broken = [limit for limit in run.limits if limit.broken.any()]
     if broken:
@@ -95,6 +93,20 @@ def heading(run: Run) -> list[tuple[str, str]]:
         others = f", and {len(broken) - 1} more" if len(broken) > 1 else ""
         lines.append((capital(said) + others, BROKEN))
     return lines
+
+
+def _error(run: Run) -> str:
+    """How far off estimates were, as far as that is known."""
+    if not run.known.any():
+        return capital(NO_TRUTH)
+    return f"RMS position error {metres(run.rms_error)}, worst {metres(run.max_error)}"
+
+
+def _identity(run: Run) -> str:
+    """What tells it from other runs of the scenario."""
+    if run.is_replay:
+        return "" if run.began is None else f" from {run.began:%Y-%m-%d %H:%M} UTC"
+    return f", seed {run.seed}"
 
 
 def degrees(value: float, positive: str, negative: str) -> str:
@@ -109,8 +121,7 @@ def extent(run: Run) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]:
     It holds all true tracks and surveys; estimates, ellipses and limits too, unless one of them
     would make the map more than twice as large.
     """
-    plans = [reference.polyline for reference in run.scenario.references]
-    points = np.concatenate([*aid_tracks(run), *run.truth[..., :2], *plans])
+    points = np.concatenate([*aid_tracks(run), *map(finite, run.places), *plans(run)])
     low, high = points.min(axis=0), points.max(axis=0)
     side = max(float((high - low).max()), 1.0)
     for _, other in _companions(run):
@@ -123,7 +134,19 @@ def extent(run: Run) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]:
 
 def aid_tracks(run: Run) -> list[Float[np.ndarray, "samples 2"]]:
     """Positions of all aid vehicles."""
-    return [aid.pose[:, :2] for aid in run.aids]
+    return [aid.pose[:, :2] for aid in run.aids] if run.has_aid else []
+
+
+def plans(run: Run) -> list[Float[np.ndarray, "_ 2"]]:
+    """Planned surveys; of a recording they are made of its tracks, and no plan."""
+    if run.is_replay:
+        return []
+    return [reference.polyline for reference in run.scenario.references]
+
+
+def finite(places: Float[np.ndarray, "samples 2"]) -> Float[np.ndarray, "_ 2"]:
+    """Those of some places that are known."""
+    return places[np.isfinite(places).all(axis=1)]
 
 
 def moored_places(run: Run) -> Float[np.ndarray, "beacons 2"]:
@@ -154,8 +177,7 @@ def _companions(run: Run) -> Iterator[tuple[str, Float[np.ndarray, "_ 2"]]]:
     for limit in binding_separations(run):
         yield limit.name, ring(run, limit)
     for i, name in enumerate(run.names):
-        estimate = run.mean[i, :, :2]  # nan where the filter has failed
-        yield f"estimate of {name}", estimate[np.isfinite(estimate).all(axis=1)]
+        yield f"estimate of {name}", finite(run.mean[i, :, :2])  # nan where the filter has failed
     for i, name in enumerate(run.names):
         P = run.covariance[i, :1, :2, :2]
         if np.isfinite(P).all():
@@ -210,13 +232,16 @@ def apart(
 
 def _draw_auv(axes: Axes, run: Run, i: int, *, smallest: float) -> None:
     paint, every = colour(i), _every(run)
-    plan = run.scenario.references[i].polyline
-    cross = "+" if len(plan) == 1 else ""
-    axes.plot(*plan.T, color=FAINT, lw=0.8, ls=(0, (5, 3)), marker=cross, zorder=1)
-    true = {"color": paint, "alpha": BAND, "lw": 3.5, "solid_capstyle": "round"}
-    axes.plot(*run.truth[i, every, :2].T, **true, zorder=2)
+    for plan in plans(run)[i : i + 1]:
+        cross = "+" if len(plan) == 1 else ""
+        axes.plot(*plan.T, color=FAINT, lw=0.8, ls=(0, (5, 3)), marker=cross, zorder=1)
+    if run.truth is not None:
+        true = {"color": paint, "alpha": BAND, "lw": 3.5, "solid_capstyle": "round"}
+        axes.plot(*run.truth[i, every, :2].T, **true, zorder=2)
     axes.plot(*run.mean[i, every, :2].T, color=paint, lw=0.9, zorder=5)
-    axes.plot(*run.truth[i, 0, :2], **_START, mec=paint, zorder=6)
+    if run.smoothed is not None:
+        axes.plot(*run.smoothed[i, every].T, color=dark(paint), **_SMOOTHED, zorder=5.2)
+    axes.plot(*finite(run.places[i])[:1].T, **_START, mec=paint, zorder=6)
     count = max(4, ELLIPSES // len(run.names))
     at = np.unique(np.linspace(0, run.time.size - 1, count).astype(int))
     at = at[np.isfinite(run.covariance[i, at, :2, :2]).all(axis=(1, 2))]
@@ -234,7 +259,7 @@ def _draw_moored(axes: Axes, run: Run) -> None:
 
 
 def _draw_aid(axes: Axes, run: Run) -> None:
-    for aid in run.aids:
+    for aid in run.aids if run.has_aid else ():
         _draw_one_aid(axes, run, aid)
 
 
@@ -280,7 +305,7 @@ def _draw_pings(axes: Axes, run: Run) -> None:
     for b, place in enumerate(run.beacon_places):
         pinged = [_pinged(run, b, i) for i in range(len(run.names))]
         for i, samples in enumerate(pinged):
-            x, y = run.truth[i, samples, :2].T
+            x, y = run.places[i, samples].T
             axes.plot(x, y, **_PING, mec=colour(i), zorder=5.5)
         if run.scenario.beacons[b].carrier is not None:
             x, y = place[np.unique(np.concatenate(pinged))].T
@@ -291,10 +316,10 @@ def _draw_marks(axes: Axes, run: Run) -> list[Label]:
     """Mark the same instants on all tracks; returns their labels and the AUVs' names."""
     longest = float(run.time[-1])
     still = STILL * float(np.hypot(np.diff(axes.get_xlim()), np.diff(axes.get_ylim()))[0])
-    aids = zip(run.aid_names if run.others else [""], aid_tracks(run), strict=True)
+    aids = zip(run.aid_names if run.others else [""], aid_tracks(run), strict=False)
     auvs = run.names if len(run.names) > 1 else [""]
     tracks = [(name, AID, track) for name, track in aids]
-    tracks += [(name, colour(i), run.truth[i, :, :2]) for i, name in enumerate(auvs)]
+    tracks += [(name, colour(i), run.places[i]) for i, name in enumerate(auvs)]
     labels = [
         Label(text=name, at=track[0], colour=dark(paint), bold=True)
         for name, paint, track in tracks
@@ -327,14 +352,20 @@ def _legend(run: Run) -> list[Line2D | Patch]:
             Line2D([], [], color=colour(i), lw=2.5, label=named(name))
             for i, name in enumerate(run.names)
         ]
+    if plans(run):
+        handles.append(Line2D([], [], color=FAINT, lw=0.8, ls=(0, (5, 3)), label="survey plan"))
+    if run.truth is not None:
+        handles.append(Line2D([], [], color=one, lw=3.5, alpha=BAND, label="AUV, true"))
     handles += [
-        Line2D([], [], color=FAINT, lw=0.8, ls=(0, (5, 3)), label="survey plan"),
-        Line2D([], [], color=one, lw=3.5, alpha=BAND, label="AUV, true"),
         Line2D([], [], **_START, mec=one, label="AUV, start"),
         Line2D([], [], color=one, lw=0.9, label="AUV, estimated"),
         Patch(fc=to_rgba(one, 0.2), ec=one, lw=0.6, label=ellipse),
-        Line2D([], [], color=AID, lw=0.8 * moves, **_AID_START, label="aid vehicle, start"),
     ]
+    if run.smoothed is not None:
+        handles.append(Line2D([], [], color=dark(one), **_SMOOTHED, label="AUV, smoothed"))
+    if run.has_aid:
+        start = {"color": AID, "lw": 0.8 * moves, **_AID_START}
+        handles.append(Line2D([], [], **start, label="aid vehicle, start"))
     if moves:
         course = {"color": AID, "lw": 0.8}
         handles += [
@@ -349,7 +380,8 @@ def _legend(run: Run) -> list[Line2D | Patch]:
 
 
 def _pings_in_words(run: Run) -> str:
-    interval = run.scenario.table.ranging.interval
     shown = _every_ping(int(np.count_nonzero(np.isfinite(run.range[0]))))
+    interval = run.scenario.table.ranging.interval
     what = "range that came, due" if run.scenario.ranges_may_be_lost else "range,"
-    return f"{what} every {interval:g} s" + (f",\none in {shown} shown" if shown > 1 else "")
+    what = "range" if run.is_replay else f"{what} every {interval:g} s"
+    return what + (f",\none in {shown} shown" if shown > 1 else "")

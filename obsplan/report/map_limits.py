@@ -94,14 +94,14 @@ def _middle(area: Disc | Polygon) -> tuple[float, float]:
 def _draw_ring(axes: Axes, run: Run, limit: LimitHistory) -> None:
     """The circle of a separation, and a line from its AUV to the aid vehicle."""
     aid = run.aids[limit.aid].pose
-    line = np.stack([run.truth[limit.auv, limit.worst, :2], aid[limit.worst, :2]])
+    line = np.stack([run.places[limit.auv, limit.worst], aid[limit.worst, :2]])
     axes.plot(*ring(run, limit).T, **_RING, zorder=6)
     axes.plot(*line.T, color=LIMIT, lw=0.7, marker="x", ms=5, zorder=6)
 
 
 def ring(run: Run, limit: LimitHistory) -> Float[np.ndarray, "corners 2"]:
     """Circle [m] of a separation about its AUV when it was broken most, or closest to that."""
-    x, y = run.truth[limit.auv, limit.worst, :2]
+    x, y = run.places[limit.auv, limit.worst]
     return boundary(Disc(x=float(x), y=float(y), radius=limit.distance or 0.0))
 
 

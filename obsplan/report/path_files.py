@@ -66,7 +66,7 @@ def map_mission(run: Run, mission: Mission) -> Mission:
     aids = dict(zip(run.aid_names, run.aids, strict=True))
     places = {name: aid.pose[:, :2] for name, aid in aids.items()}
     for i, name in enumerate(run.names):
-        places |= {f"{name}-truth": run.truth[i, :, :2], f"{name}-estimate": run.mean[i, :, :2]}
+        places |= {f"{name}-truth": run.true[i, :, :2], f"{name}-estimate": run.mean[i, :, :2]}
     tracks = {name: _track(run, xy) for name, xy in places.items()}
     for name, aid in aids.items():
         track = tracks[name]

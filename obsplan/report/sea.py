@@ -20,7 +20,7 @@ UNTOLD = (
 def summary_of(run: Run, *, bounds: bool = True) -> dict[str, Any]:
     """`Run.summary`, with how many ranges were due, lost and delivered twice where that matters."""
     summary = run.summary(bounds=bounds)
-    if not Arrivals.matter(run):
+    if run.is_replay or not Arrivals.matter(run):
         return summary
     counts = Arrivals.of(run)
     summary["all"] |= counts.figures(slice(None))
@@ -30,7 +30,12 @@ def summary_of(run: Run, *, bounds: bool = True) -> dict[str, Any]:
 
 
 def sea_notes(run: Run) -> list[str]:
-    """Say what came of the ranges, and where filter and planners count on other than the truth."""
+    """Say what came of the ranges, and where filter and planners count on other than the truth.
+
+    Of a recording nobody knows.
+    """
+    if run.is_replay:
+        return []
     return [*_arrivals(run), *_silence(run), *_told(run), *_untold(run), *_water(run)]
 
 

@@ -1,5 +1,6 @@
 """Figures of merit of a run as a table, for the terminal and for notebooks."""
 
+from collections.abc import Sequence
 from html import escape
 from typing import Any
 
@@ -7,6 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from obsplan.constraints import ROUNDING
+from obsplan.record import REPLAY
 from obsplan.report.sea import summary_of
 from obsplan.run import Run
 
@@ -14,6 +16,8 @@ from obsplan.run import Run
 COLUMNS = {
     "rms_error_m": ("RMS error [m]", 2),
     "max_error_m": ("Worst error [m]", 2),
+    "smoothed_rms_error_m": ("Smoothed [m]", 2),
+    "sigma_rms_m": ("Own σ [m]", 2),
     "pcrb_rms_m": ("PCRB RMS [m]", 2),
     "bound_rms_m": ("Bound RMS [m]", 2),
     "efficiency": ("Eff. [-]", 2),
@@ -24,23 +28,28 @@ COLUMNS = {
 }
 # and for what no terminal has room: there they are said in words
 IN_NOTEBOOKS = COLUMNS | {"ranges_due": ("Ranges due", 0), "ranges_lost": ("Lost", 0)}
-CAPTION = (
-    "PCRB: posterior Cramér–Rao bound of this path; Bound: of any path; Eff.: Bound / PCRB; "
-    "NEES: 2 if consistent; sep.: separation"
-)
+SAID = {  # of columns that need an explanation
+    "pcrb_rms_m": "PCRB: posterior Cramér–Rao bound of this path",
+    "bound_rms_m": "Bound: of any path",
+    "efficiency": "Eff.: Bound / PCRB",
+    "mean_nees": "NEES: 2 if consistent",
+    "separation_mean_m": "sep.: separation",
+    "smoothed_rms_error_m": "Smoothed: RMS error once all ranges are known",
+    "sigma_rms_m": "Own σ: RMS error as the filter says it",
+}
 
 
 def run_table(run: Run) -> Table:
     """Tabulate each AUV's figures of merit, and those of all."""
     summary = run.summary()
+    columns = [key for key in COLUMNS if key in summary["all"]]
     table = Table(
         title=Text(title(summary)),
         title_justify="left",
-        caption=CAPTION,
+        caption=caption(columns),
         caption_justify="left",
     )
     table.add_column("AUV")
-    columns = [key for key in COLUMNS if key in summary["all"]]
     for key in columns:
         table.add_column(Text(COLUMNS[key][0]), justify="right")
     for name, figures in summary["auv"].items():
@@ -71,8 +80,15 @@ def run_html(run: Run) -> str:
     return "\n".join([*lines, "</tbody>", "</table>"])
 
 
+def caption(columns: Sequence[str]) -> str:
+    """What headings mean."""
+    return "; ".join(text for key, text in SAID.items() if key in columns)
+
+
 def title(summary: dict[str, Any]) -> str:
     """What was flown."""
+    if summary.get("source") == REPLAY:
+        return f"{summary['scenario']}, replayed"
     return f"{summary['scenario']}, {summary['planner']}, seed {summary['seed']}"
 
 

@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from formulations.consistency import mean_nees_interval
 from formulations.solution import Status
 from obsplan.constraints import LimitHistory
+from obsplan.report.consistency import nees_clause
+from obsplan.report.recorded import recorded_sentence
 from obsplan.report.words import (
     NO_BOUND,
     after,
@@ -22,8 +23,6 @@ from obsplan.run import Run
 from obsplan.scenario.states import BASIC
 from obsplan.scenario.tables import aids_of
 
-TELLING = 4.0  # mean NEES, 2 if consistent, of errors sqrt(2) times too large: to be told apart
-INSIDE = 5.991  # NEES on the 95 % ellipse: chi-square with 2 degrees
 OWN = (Status.OPTIMAL, Status.CLIPPED, Status.INACCURATE, Status.RESTARTED, Status.SECOND_SOLVER)
 STRONG = 0.25  # of the aid vehicle's speed: a current that is felt
 LOST = 5.0  # [σ] median error in the second half of the mission
@@ -45,6 +44,8 @@ def verdicts(run: Run) -> list[str]:
     would be within it, too. Lost is a median error above 5σ in the second half of the mission.
     """
     figures = run.summary()["auv"]
+    if not run.known.all() or run.is_replay:
+        return [recorded_sentence(run, i, figures[name]) for i, name in enumerate(run.names)]
     return [sentence(run, i, figures[name]) for i, name in enumerate(run.names)]
 
 
@@ -82,6 +83,8 @@ def planner_notes(run: Run) -> list[str]:
 
     Say also what planners know of one's own classes.
     """
+    if run.is_replay:
+        return []
     total = sum(run.status_counts.values())
     odd = [
         status
@@ -164,7 +167,7 @@ def sentence(run: Run, i: int, figures: dict[str, Any]) -> str:
             f"position known to {metres(figures['rms_error_m'])} RMS "
             f"({worst}){'' if untold else _against_bound(figures)}"
         ),
-        _consistency(run.nees[i], figures["mean_nees"], float(run.independent_errors[i])),
+        nees_clause(run.nees[i], figures["mean_nees"], float(run.independent_errors[i])),
         untold,
         _ambiguity(run, i),
         _reach(float(run.separation[i].min()), figures["separation_max_m"]),
@@ -187,7 +190,7 @@ def whereabouts(run: Run, i: int) -> float:
 
     It is its own track, or its greatest distance from the aid vehicle.
     """
-    extent = np.hypot(*np.ptp(run.truth[i, :, :2], axis=0))
+    extent = np.hypot(*np.ptp(run.true[i, :, :2], axis=0))
     return float(max(extent, run.separation[i].max()))
 
 
@@ -226,7 +229,7 @@ def is_lost(run: Run, i: int) -> bool:
 def explain_loss(run: Run, i: int) -> str:
     """Why an AUV is lost: its ranges fit its position, its mirror image's, or nothing at all."""
     late = slice(run.time.size // 2, None)
-    truth, mean, cna = run.truth[i, late, :2], run.mean[i, late, :2], run.cna[late, :2]
+    truth, mean, cna = run.true[i, late, :2], run.mean[i, late, :2], run.cna[late, :2]
     tolerance = AGREE * float(np.median(run.error[i, late]))
     misfit = np.abs(np.hypot(*(mean - cna).T) - np.hypot(*(truth - cna).T))
     if np.median(misfit) > tolerance:
@@ -268,25 +271,9 @@ def _against_bound(figures: dict[str, Any]) -> str:
     return f", {this} Cramér–Rao bound of {metres(pcrb)}{any_path}"
 
 
-def _consistency(nees: Float[np.ndarray, " samples"], mean: float | None, samples: float) -> str:
-    """Whether errors are what the filter says, as far as so many independent ones tell."""
-    if mean is None or not np.isfinite(samples):
-        return ""
-    low, high = mean_nees_interval(samples)
-    evidence = f"about {samples:.0f} independent error{'s' if round(samples) != 1 else ''}"
-    if low <= mean <= high and high > TELLING:
-        return f"whether its filter is consistent cannot be told (NEES {mean:.3g} of {evidence})"
-    chance = f"NEES {mean:.3g}; chance allows {low:.1f} to {high:.1f} for {evidence}"
-    if low <= mean <= high:
-        return f"filter consistent ({chance})"
-    word = "overconfident" if mean > high else "cautious"
-    inside = percent(float(np.mean(nees[np.isfinite(nees)] <= INSIDE)))
-    return f"filter {word} ({chance}; inside its 95 % ellipse {inside} of the time)"
-
-
 def _ambiguity(run: Run, i: int) -> str:
     """What the aid vehicle's track, as seen from the AUV, cannot tell."""
-    relative = run.cna[:, :2] - run.truth[i, :, :2]
+    relative = run.cna[:, :2] - run.true[i, :, :2]
     along = np.linalg.svd(relative - relative.mean(axis=0), full_matrices=False)[2]
     length, width = np.ptp(relative @ along.T, axis=0)
     narrow = STRAIGHT * run.separation[i].mean()

@@ -55,6 +55,11 @@ def title(name: str) -> str:
     return capital(blanks)
 
 
+def sailed(run: Run) -> str:
+    """Who steered the aid vehicle, or that the run is a recording."""
+    return "replayed" if run.is_replay else f"planner {run.planner}"
+
+
 def limit_name(limit: LimitHistory) -> str:
     """A limit, with its distance if it has one."""
     return limit.name if limit.distance is None else f"{limit.name} ({limit.distance:g} m)"

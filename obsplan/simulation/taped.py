@@ -37,7 +37,7 @@ def to_tape(run: Run) -> Tape:
     scenario = run.scenario
     starts = [Pose(*aid.pose[0].tolist()) for aid in run.aids]
     _, inputs = mission_inputs(scenario, starts, run.seed)
-    truth = run.truth[..., :BASIC]
+    truth = run.true[..., :BASIC]
     # the autopilot brings heading and speed back to the survey's at the end of each step
     steered = inputs.steer.swapaxes(0, 1) - truth[:, :-1, 2:]
     drawn, beacons = Drawn.of(run), scenario.beacons
@@ -189,14 +189,14 @@ def _speeds(
 
     Of `BEACON` there are only its depth and its water: the others are nan.
     """
-    x, beacon, error = symbol("x", run.truth.shape[2]), symbol("beacon", len(BEACON)), symbol("e")
+    x, beacon, error = symbol("x", run.true.shape[2]), symbol("beacon", len(BEACON)), symbol("e")
     z = sensor.measure(x, beacon) + sensor.deviation(x, beacon) * error
     at = np.full((len(BEACON), samples.size), np.nan)
     at[BEACON.index("auv_depth")] = run.scenario.depths[samples, auv]
     east = BEACON.index("east_current")
     at[east : east + 2] = run.scenario.currents[samples, auv].T
     measured = ca.Function("measured", [x, beacon, error], [z])
-    return measured(run.truth[auv, samples].T, at, errors[None]).full().ravel()
+    return measured(run.true[auv, samples].T, at, errors[None]).full().ravel()
 
 
 def flight(sensor: Sensor, ranged: Float[np.ndarray, " n"]) -> np.ndarray:

@@ -1,0 +1,123 @@
+"""What became of each range: when it came, what was expected, whether a filter took it, and NIS."""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Integer
+
+from formulations.consistency import mean_nees_interval
+from obsplan.fates import Fate
+
+ALARM = 0.2  # of the ranges: a filter that rejects more has something wrong
+FEWEST = 10  # ranges of which a share is an alarm
+
+
+class Nis(NamedTuple):
+    """Mean normalised innovation squared, and what chance allows a consistent filter."""
+
+    mean: float
+    count: int
+    low: float
+    high: float
+
+    @property
+    def is_inside(self) -> bool:
+        """Whether the mean is within its 95 % band."""
+        return self.low <= self.mean <= self.high
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ranged:
+    """The ranges that came to AUVs, a row each in the order in which filters had them.
+
+    Of what a filter did not look at, innovation and variance are nan.
+    """
+
+    auvs: tuple[str, ...]  # names
+    beacons: tuple[str, ...]  # names; ``beacon`` is a number in them
+    unit: str  # of the value: m or m^2
+    sent: Float[np.ndarray, " n"]  # [s]
+    received: Float[np.ndarray, " n"]  # [s]
+    auv: Integer[np.ndarray, " n"]
+    beacon: Integer[np.ndarray, " n"]
+    value: Float[np.ndarray, " n"]  # as measured
+    innovation: Float[np.ndarray, " n"]  # value less expected
+    variance: Float[np.ndarray, " n"]  # of the innovation, as the filter says
+    fate: Integer[np.ndarray, " n"]  # codes of `Fate`
+
+    @property
+    def expected(self) -> Float[np.ndarray, " n"]:
+        """What the filter expected to be measured."""
+        return self.value - self.innovation
+
+    @property
+    def normalised(self) -> Float[np.ndarray, " n"]:
+        """Innovations in standard deviations."""
+        return self.innovation / np.sqrt(self.variance)
+
+    @property
+    def taken(self) -> Bool[np.ndarray, " n"]:
+        """Which of them filters used."""
+        return np.isin(self.fate, [fate for fate in Fate if fate.taken])
+
+    def of(self, *, auv: int | None = None, beacon: int | None = None) -> "Ranged":
+        """The rows of an AUV, of a beacon, or of both."""
+        chosen = np.ones(self.value.size, dtype=bool)
+        if auv is not None:
+            chosen &= self.auv == auv
+        if beacon is not None:
+            chosen &= self.beacon == beacon
+        columns = {name: getattr(self, name)[chosen] for name in COLUMNS}
+        return Ranged(auvs=self.auvs, beacons=self.beacons, unit=self.unit, **columns)
+
+    @property
+    def nis(self) -> Nis | None:
+        """Mean squared normalised innovation of the ranges taken; None without any.
+
+        It is 1 for a consistent filter; its band is chi-square's for as many independent ones.
+        """
+        squares = self.normalised[self.taken] ** 2
+        squares = squares[np.isfinite(squares)]
+        if not squares.size:
+            return None
+        low, high = mean_nees_interval(squares.size, position=1)
+        return Nis(float(squares.mean()), squares.size, low, high)
+
+    @property
+    def rejected(self) -> dict[Fate, int]:
+        """How many were not taken, by reason, the most frequent first."""
+        codes, counts = np.unique(self.fate[~self.taken], return_counts=True)
+        order = np.argsort(-counts, kind="stable")
+        return {Fate(int(codes[k])): int(counts[k]) for k in order}
+
+    @property
+    def share_rejected(self) -> float:
+        """Of all that came; 0 where nothing came."""
+        return float(np.mean(~self.taken)) if self.fate.size else 0.0
+
+    @property
+    def alarms(self) -> bool:
+        """Whether so many were rejected that something must be wrong."""
+        return self.fate.size >= FEWEST and self.share_rejected > ALARM
+
+    def summary(self) -> dict[str, Any]:
+        """Counts, reasons and NIS, of all beacons and of each that was heard."""
+        heard = np.unique(self.beacon)
+        per_beacon = {self.beacons[b]: self.of(beacon=int(b))._figures() for b in heard}
+        return {**self._figures(), "beacon": per_beacon}
+
+    def _figures(self) -> dict[str, Any]:
+        found: dict[str, Any] = {
+            "came": int(self.fate.size),
+            "rejected": {fate.words: count for fate, count in self.rejected.items()},
+            "share_rejected": self.share_rejected,
+        }
+        nis = self.nis
+        if nis is not None:
+            found["nis_mean"], found["nis_count"] = nis.mean, nis.count
+            found["nis_low"], found["nis_high"] = nis.low, nis.high
+        return found
+
+
+COLUMNS = ("sent", "received", "auv", "beacon", "value", "innovation", "variance", "fate")
