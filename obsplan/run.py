@@ -12,7 +12,6 @@ from formulations.certified_bound import InformationBound
 from formulations.consistency import effective_samples
 from formulations.solution import Status
 from obsplan.bounds import Bounds
-from obsplan.estimators import Process
 from obsplan.estimators.jacobian import predictions
 from obsplan.fates import TAKEN
 from obsplan.record import NO_TRUTH, AidTrack, Record, Timing, distance, rms
@@ -62,10 +61,8 @@ class Run(Record):
         scenario, dt = self.scenario, self.scenario.table.time_step
         assumed = noise(scenario, scenario.filter_states, assumed=True)
         counts = []
-        for vehicle, own, P, mean in zip(
-            scenario.vehicles, assumed, self.covariance, self.mean, strict=True
-        ):
-            process = Process(model=vehicle, noise=tuple(own), dt=dt)
+        for i, (own, P, mean) in enumerate(zip(assumed, self.covariance, self.mean, strict=True)):
+            process = scenario.filter_process(i, dt)
             F = predictions(scenario.estimator, process, mean[:-1])
             counts.append(effective_samples(P, F, np.diag(own**2 * dt)))
         return np.array(counts)

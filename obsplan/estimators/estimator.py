@@ -3,6 +3,7 @@
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import casadi as ca
+import numpy as np
 
 from obsplan.sensors import Sensor
 from obsplan.vehicles import States, Vehicle
@@ -13,7 +14,16 @@ class Process(NamedTuple):
 
     model: Vehicle
     noise: tuple[float, ...]  # of each of the filter's states, per square root of a second
-    dt: float  # [s]
+    dt: float | ca.SX  # [s]
+    walk_per_meter: tuple[float, ...] = ()  # besides, per square root of a metre travelled
+
+    def covariance(self, x: ca.SX) -> ca.SX | ca.DM:
+        """Of what is added to state x, which tells how fast the AUV is."""
+        added = ca.DM(np.array(self.noise) ** 2) * self.dt
+        if any(self.walk_per_meter):
+            travelled = ca.fabs(x[3]) * self.dt
+            added = added + ca.DM(np.array(self.walk_per_meter) ** 2) * travelled
+        return ca.diag(added)
 
 
 @runtime_checkable

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import casadi as ca
-import numpy as np
 
 from formulations.model.covariance import propagate, symmetric
 from obsplan.estimators.estimator import Process
@@ -48,8 +47,8 @@ class GaussianFilter(ABC):
     def predict(self, x: ca.SX, P: ca.SX, u: ca.SX, process: Process) -> tuple[ca.SX, ca.SX]:
         """Mean and covariance one sample later."""
         after = self.linearize(lambda s: self.step(s, u, process), x, P)
-        Q = np.diag(np.array(process.noise) ** 2 * process.dt)
-        return after.mean, propagate(P, after.H, ca.DM(Q) + after.error)
+        Q = process.covariance(x)
+        return after.mean, propagate(P, after.H, Q + after.error)
 
     def innovation(
         self, x: ca.SX, P: ca.SX, z: ca.SX, sensor: Sensor, beacon: ca.SX

@@ -21,6 +21,8 @@ from obsplan.surveys import SURVEYS, Formation, Motion, Reference, Waypoints
 from obsplan.types import ObsplanError, Pose
 from obsplan.vehicles import Unicycle
 
+SEVERAL = 24  # hypotheses that follow the first range, where one would not do
+
 
 @dataclass(frozen=True, kw_only=True)
 class Course(Equipment):
@@ -51,6 +53,34 @@ class Course(Equipment):
         """Where the aid vehicles start, unless their planners say otherwise."""
         starts = [aid.start for aid in aids_of(self.table)]
         return tuple(Pose(s.x, s.y, float(np.deg2rad(s.heading_deg))) for s in starts)
+
+    @cached_property
+    def hypotheses(self) -> int:
+        """How many positions of an AUV there is room for at first.
+
+        There is more than one where the ring of a range at the start bends, over a standard
+        deviation of the first estimate, by more than the range's own.
+        """
+        asked = self.table.estimator.hypotheses
+        if asked != "auto":
+            return asked
+        carried = [(start.x, start.y) for start in self.starts]
+        moored = [beacon.place for beacon in self.beacons if beacon.carrier is None]
+        places = np.array([*carried, *moored])
+        for auv, reference in zip(self.table.auv, self.references, strict=True):
+            apart = np.hypot(*(places - reference.polyline[0]).T)
+            width2 = auv.first_estimate.sigma_position**2
+            if (width2 > 2 * apart * self._thickness(apart)).any():
+                return SEVERAL
+        return 1
+
+    def _thickness(self, apart: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Standard deviation of a range at some distances [m], a squared range's in metres."""
+        sensor = self.filter_sensor
+        if self.ranging_kind == "squared-range":
+            return sensor.sigma / (2 * np.maximum(apart, 1e-3))
+        growth = getattr(sensor, "growth", 0.0)
+        return np.hypot(sensor.sigma, growth * apart)
 
     @cached_property
     def references(self) -> tuple[Reference, ...]:

@@ -5,11 +5,14 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from jaxtyping import Float
 from pydantic import TypeAdapter, ValidationError
 
-from obsplan.estimators import ESTIMATORS, Estimator
+from obsplan.estimators import ESTIMATORS, Estimator, Process
+from obsplan.estimators.filtering import Filtering
+from obsplan.estimators.hidden import CLOCK, DEPTH, SCALE, DepthGauge, Extended, believed
 from obsplan.plugins import class_of, is_own
 from obsplan.scenario.beacons import Beacon, beacons_of
 from obsplan.scenario.choice import options
@@ -30,7 +33,7 @@ from obsplan.sensors import (
     SquaredRange,
 )
 from obsplan.types import ObsplanError
-from obsplan.vehicles import VEHICLES, States, Vehicle
+from obsplan.vehicles import STATES, VEHICLES, States, Vehicle
 from obsplan.water import Water
 
 
@@ -71,9 +74,86 @@ class Equipment:
         return self.vehicles[0].states
 
     @cached_property
+    def filter_vehicles(self) -> tuple[Vehicle, ...]:
+        """The AUVs' motion as their filters take it, with what they estimate besides."""
+        hidden = self.table.estimator.states.states(len(self.beacons))
+        if not hidden:
+            return self.vehicles
+        return tuple(Extended(vehicle=one, hidden=(*hidden.items(),)) for one in self.vehicles)
+
+    @cached_property
     def filter_states(self) -> States:
         """Components of the states that the AUVs' filters estimate."""
-        return self.estimator.states(self.vehicles[0])
+        return self.estimator.states(self.filter_vehicles[0])
+
+    def check_hidden(self) -> None:
+        """Refuse hidden states that the filter has no place for, or that are of no such ranges.
+
+        Raises
+        ------
+        ObsplanError
+            One sentence with the place and the remedy.
+        """
+        table, known = self.table.estimator.states, self.filter_states
+        hidden = table.states(len(self.beacons))
+        if not {*hidden} <= {*known}:
+            raise self.error(
+                "estimator.states",
+                f"the filter {self.table.estimator.kind} has states of its own: leave them out",
+            )
+        in_metres = [key for key in (SCALE, "bias", CLOCK) if getattr(table, key) is not None]
+        if in_metres and self.ranging_kind == "squared-range":
+            raise self.error(
+                f"estimator.states.{in_metres[0]}",
+                'is of ranges in metres, and the kind is "squared-range": give kind "range"',
+            )
+        if table.depth is not None and not self.depths_count:
+            raise self.error(
+                "estimator.states.depth",
+                'no range tells of a depth: give [ranging] geometry "slant", or leave it out',
+            )
+
+    def filter_process(self, auv: int, dt: float | ca.SX) -> Process:
+        """What the filter of an AUV assumes of it between samples dt [s] apart."""
+        own = [*self.filter_states.values()][len(STATES) :]
+        noise = self.table.estimator.process_noise or self.table.auv[auv].process_noise
+        heading, per_meter = (
+            float(np.deg2rad(angle)) for angle in (noise.heading_deg, noise.heading_deg_per_meter)
+        )
+        by_time = (noise.position, noise.position, heading, noise.speed)
+        by_way = (noise.position_per_meter, noise.position_per_meter, per_meter, 0.0)
+        return Process(
+            model=self.filter_vehicles[auv],
+            noise=(*by_time, *(state.walk for state in own)),
+            dt=dt,
+            walk_per_meter=(*by_way, *(state.walk_per_meter for state in own)),
+        )
+
+    def filtering(self, hypotheses: int = 1) -> Filtering:
+        """The AUVs' filter with its gate, and room for so many hypotheses."""
+        sensor = self.filter_sensor
+        plain = isinstance(sensor, Range)
+        return Filtering(
+            estimator=self.estimator,
+            count=len(self.filter_states),
+            gate=self.table.estimator.gate,
+            hypotheses=hypotheses,
+            beacons=len(self.beacons),
+            reach=(self.filter_ranging.reach or np.inf) if plain else np.inf,
+            slant=isinstance(sensor, Range) and sensor.geometry == "slant",
+        )
+
+    def as_filtered(self, sensor: Sensor, beacon: int = -1) -> Sensor:
+        """A sensor as the filter takes it, of a beacon if it concerns one."""
+        return believed(sensor, [*self.filter_states], beacon, self.assumed_sound_speed)
+
+    @property
+    def depth_gauge(self) -> Sensor | None:
+        """What measures the depth, where the filter estimates it."""
+        names = [*self.filter_states]
+        if self.table.estimator.states.depth is None:
+            return None
+        return DepthGauge(sigma=max(self.depth_sigma, 0.01), at=names.index(DEPTH))
 
     @cached_property
     def water(self) -> Water:
@@ -124,7 +204,8 @@ class Equipment:
     @property
     def filter_logs(self) -> tuple[tuple[Sensor, ...], ...]:
         """The same of the filter's state."""
-        return self._logs(self.filter_states)
+        logs = self._logs(self.filter_states)
+        return tuple(tuple(self.as_filtered(one) for one in components) for components in logs)
 
     def _logs(self, states: States) -> tuple[tuple[Sensor, ...], ...]:
         return tuple(
@@ -283,13 +364,20 @@ class Equipment:
     def process_noise(self, *, assumed: bool = False) -> Float[np.ndarray, "auvs 4"]:
         """Standard deviations per square root of a second of (east, north, heading, speed).
 
-        They are the truth's, or those that the filter assumes.
+        They are the truth's, or those that the filter assumes; what grows with the distance
+        travelled is at the survey's speed.
         """
         override = self.table.estimator.process_noise if assumed else None
-        noises = [override or auv.process_noise for auv in self.table.auv]
-        return np.array(
-            [[n.position, n.position, np.deg2rad(n.heading_deg), n.speed] for n in noises]
-        )
+        found = []
+        for auv in self.table.auv:
+            noise = override or auv.process_noise
+            position, heading = noise.position, noise.heading_deg
+            if noise.position_per_meter or noise.heading_deg_per_meter:
+                way = np.sqrt(auv.speed)
+                position = np.hypot(position, noise.position_per_meter * way)
+                heading = np.hypot(heading, noise.heading_deg_per_meter * way)
+            found.append([position, position, np.deg2rad(heading), noise.speed])
+        return np.array(found)
 
     def first_estimates(
         self, truth: Float[np.ndarray, "auvs 4"], error: Float[np.ndarray, "auvs 4"]

@@ -64,6 +64,7 @@ class Scenario(Course):
         _ = self.motions, self.ping_every, self.decide_every, self.constraints
         _ = self.vehicles, self.range_sensor, self.estimator, self.speed_sensors, self.log_every
         self._check_false_ranges()
+        self.check_hidden()
         _ = self.filter_sensor, self.planner_sensor, self.beacons, self.offsets, self.depths
         planner = self.table.planner
         wrong = check_communication(self.communication, planner.knowledge, planner.doubt)

@@ -3,6 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
+from obsplan.estimators.hidden import DEPTH
 from obsplan.scenario.scenario import Scenario
 from obsplan.vehicles import STATES, State, States
 
@@ -55,7 +56,9 @@ def first_mean(
     mean = _widened(basic, [state.start for state in own(scenario.filter_states)])
     names = [*scenario.truth_states]
     for i, (name, state) in enumerate(scenario.filter_states.items()):
-        if i >= BASIC and name in names:
+        if name == DEPTH:
+            mean[:, i] = scenario.depths[0]
+        elif i >= BASIC and name in names:
             mean[:, i] = truth[:, names.index(name)] + state.sigma * error[:, names.index(name)]
     return mean
 

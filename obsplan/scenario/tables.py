@@ -16,10 +16,13 @@ from obsplan.quantities import (
     DEPTH,
     DISTANCE,
     DURATION,
+    GATE,
+    HYPOTHESES,
     INTERVAL,
     LENGTH,
     POSITION,
     POSITION_WALK,
+    POSITION_WALK_PER_METER,
     SEED,
     SPEED_SIGMA,
     SPEED_WALK,
@@ -33,6 +36,7 @@ from obsplan.scenario.choice import Choice
 from obsplan.scenario.communication import CommunicationTable
 from obsplan.scenario.environment import SPEED_SENSOR, Environment, Velocity
 from obsplan.scenario.export import ExportTable
+from obsplan.scenario.hidden import HiddenTable
 from obsplan.scenario.places import Corners, Degrees, Place
 from obsplan.scenario.ranging import RANGING, TOLD
 from obsplan.surveys import SURVEYS
@@ -144,6 +148,12 @@ class ProcessNoise(Table):
     speed: Annotated[float, SPEED_WALK] = Field(
         default=0.0, description="of the speed through the water [m/s/sqrt(s)]"
     )
+    position_per_meter: Annotated[float, POSITION_WALK_PER_METER] = Field(
+        default=0.0, description="of each coordinate besides, by distance travelled [m/sqrt(m)]"
+    )
+    heading_deg_per_meter: Annotated[float, ANGLE_SIGMA] = Field(
+        default=0.0, description="of the heading besides, by distance travelled [deg/sqrt(m)]"
+    )
 
 
 class VehicleTable(Table):
@@ -166,6 +176,17 @@ class EstimatorTable(Table):
     )
     process_noise: ProcessNoise | None = Field(
         default=None, description="what the filter assumes; default: the truth's"
+    )
+    states: HiddenTable = HiddenTable()
+    gate: Annotated[float, GATE] = Field(
+        default=5.0,
+        description="ranges are rejected that differ from what is expected by more standard "
+        "deviations; 0: none is",
+    )
+    hypotheses: Literal["auto"] | Annotated[int, HYPOTHESES] = Field(
+        default="auto",
+        description="positions that may be followed at once, until ranges leave one; auto: several "
+        "where the first estimate is too wide for one Gaussian",
     )
 
 

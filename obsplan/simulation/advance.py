@@ -44,11 +44,12 @@ class Advance(threading.local):
         given += [getattr(inputs, name)[now] for name in self._inputs]
         found = [values[after] if len(values) > 1 else values for values in states]
         found += [getattr(log, name)[now] for name in self._logged]
+        # of hypotheses a step may have less room than the carry
         for memory, values in zip(self._given, given, strict=True):
-            memory[...] = values
+            memory[...] = values[..., : memory.shape[-1]]
         self._call()
         for memory, values in zip(self._found, found, strict=True):
-            values[...] = memory[-len(values) :]
+            values[..., : memory.shape[-1]] = memory[-len(values) :]
 
 
 def _parts(column: np.ndarray, shapes: list[tuple[int, ...]]) -> list[np.ndarray]:

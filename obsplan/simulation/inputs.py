@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from formulations.model.covariance import pack_array
+from obsplan.estimators.filtering import GONE
 from obsplan.scenario import Scenario
 from obsplan.scenario.states import first_covariance, first_mean, first_truth, noise
 from obsplan.scenario.tables import aids_of
@@ -190,4 +191,31 @@ def first_carry(
     # nothing is on its way yet: what waits for no step never arrives
     report = np.concatenate([mean, lower, excess, np.zeros((len(mean), 1))], axis=1)
     in_flight = np.tile(report, scenario.in_flight)
-    return Carry(cna, command, truth, mean, lower, mean, lower, in_flight, excess, excess)
+    counted = scenario.filtering().counted
+    return Carry(
+        cna=cna,
+        command=command,
+        truth=truth,
+        mean=mean,
+        covariance=lower,
+        reported=mean,
+        reported_covariance=lower,
+        in_flight=in_flight,
+        excess=excess,
+        reported_excess=excess,
+        bank=first_bank(scenario, mean, lower),
+        misses=np.zeros((len(mean), counted)),
+    )
+
+
+def first_bank(
+    scenario: Scenario, mean: np.ndarray, lower: np.ndarray
+) -> Float[np.ndarray, "auvs rows"]:
+    """The first estimates as the only hypotheses, with room for those of the first ranges."""
+    count = scenario.hypotheses
+    if count == 1:
+        return np.empty((len(mean), 0))
+    whole = np.ones((len(mean), 1))
+    there = np.concatenate([mean, lower, np.zeros((len(mean), 1))], axis=1)
+    empty = np.concatenate([mean, lower, np.full((len(mean), 1), GONE)], axis=1)
+    return np.concatenate([whole, there, np.tile(empty, count - 1)], axis=1)

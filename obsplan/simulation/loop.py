@@ -35,6 +35,7 @@ from obsplan.run import Run, Timing
 from obsplan.scenario import Scenario, load
 from obsplan.scenario.states import BASIC
 from obsplan.simulation.advance import Advance, carried, recorded_covariance, room
+from obsplan.simulation.bank import Bank
 from obsplan.simulation.doubt import doubts
 from obsplan.simulation.inputs import mission_inputs
 from obsplan.simulation.recorded import record
@@ -138,16 +139,33 @@ class ClosedLoop:
         """Whether they decide given each other's plans."""
         return isinstance(self.planner, Team) and self.planner.joint
 
-    @cached_property
+    @property
     def step(self) -> ca.Function:
-        """The Function (Carry, Inputs) -> (Carry, Log) of one time step."""
+        """The Function (Carry, Inputs) -> (Carry, Log) of one time step at first."""
+        return self._step(self.scenario.hypotheses)
+
+    def _step(self, hypotheses: int) -> ca.Function:
+        """The same with room for some hypotheses."""
+        if hypotheses not in self._steps:
+            self._steps[hypotheses] = self._built(hypotheses)
+        return self._steps[hypotheses]
+
+    @cached_property
+    def _steps(self) -> dict[int, ca.Function]:
+        """By the number of hypotheses."""
+        return {}
+
+    def _built(self, hypotheses: int) -> ca.Function:
         auvs = len(self.scenario.table.auv)
         expressions = []
         for planner in self.planners:
             with blamed(planner, "build its expression"):
                 expressions.append(folded(self.scenario, planner))
         try:
-            step = StepBuilder(scenario=self.scenario, planners=self.planners).build()
+            builder = StepBuilder(
+                scenario=self.scenario, planners=self.planners, hypotheses=hypotheses
+            )
+            step = builder.build()
         except Exception:  # of an expression itself, or of a vehicle, a sensor or a filter
             parts = zip(self.planners, expressions, self.scenario.aids, strict=True)
             for planner, expression, aid in parts:
@@ -196,7 +214,7 @@ class ClosedLoop:
         team, progress = prepared(Team(self.planners, self.joint), starts, progress)
         carry = carried(first, steps, HELD if covariances else (*HELD, "covariance"))
         log = Log(*(room(steps, *shape_of(name, self.scenario)) for name in Log._fields))
-        walk = Walk()
+        walk, bank = Walk(), Bank(scenario=self.scenario)
         offered = [self._commands(planner, steps) for planner in self.planners]
         fixed = [commands for commands in offered if commands is not None]
         if len(fixed) == len(offered):
@@ -204,17 +222,18 @@ class ClosedLoop:
             for c, (commands, aid) in enumerate(zip(fixed, self.scenario.aids, strict=True)):
                 inputs.given[:, c], code = fitted_commands(commands, aid)
                 codes.append(code)
-            self._fold(carry, inputs, log, progress)
+            self._fold(carry, inputs, log, bank, progress)
             log.status[:, :, 0] = np.stack(codes, axis=-1)
         elif all(folded(self.scenario, planner) is not None for planner in self.planners):
-            self._fold(carry, inputs, log, progress)
+            self._fold(carry, inputs, log, bank, progress)
         else:
-            walk = self._walk(self._of_mission(team, seed), carry, inputs, log, progress)
+            walk = self._walk(self._of_mission(team, seed), carry, inputs, log, bank, progress)
         timing = Timing(seconds=perf_counter() - began, decision_seconds=walk.seconds)
         # what a run does not hold makes room: of a long mission it is large
         del inputs
         carry = carry._replace(covariance=recorded_covariance(carry))
-        return record(self.scenario, self.planners, seed, carry, log, timing, walk.faults)
+        run = record(self.scenario, self.planners, seed, carry, log, timing, walk.faults)
+        return replace(run, hypotheses=bank.fitting)
 
     def _commands(self, planner: Planner, steps: int) -> Float[np.ndarray, "steps 2"] | None:
         """What a planner has fixed beforehand, if it has."""
@@ -232,27 +251,39 @@ class ClosedLoop:
                 found.append(planner)
         return replace(team, members=tuple(found))
 
-    def _fold(self, carry: Carry, inputs: Inputs, log: Log, progress: Progress) -> None:
+    def _fold(self, carry: Carry, inputs: Inputs, log: Log, bank: Bank, progress: Progress) -> None:
         """Advance by whole chunks of steps; the planner is part of the step."""
         steps = len(inputs.time)
         for k in range(0, steps, CHUNK):
             n = min(CHUNK, steps - k)
-            self._advance(carry, inputs, log, k, n)
+            self._advance(carry, inputs, log, bank, k, n)
             progress(k + n, steps)
 
-    def _advance(self, carry: Carry, inputs: Inputs, log: Log, k: int, n: int) -> None:
+    def _advance(self, carry: Carry, inputs: Inputs, log: Log, bank: Bank, k: int, n: int) -> None:
         """Take n steps from step k on."""
-        if n not in self._advances:
-            self._advances[n] = Advance(self.step, n)
-        self._advances[n](carry, inputs, log, k)
+        end = k + n
+        while k < end:
+            some = bank.until(inputs, k, end - k)
+            key = bank.room, some
+            if key not in self._advances:
+                self._advances[key] = Advance(self._step(bank.room), some)
+            self._advances[key](carry, inputs, log, k)
+            k += some
+            bank.tidy(carry, k)
 
     @cached_property
-    def _advances(self) -> dict[int, Advance]:
-        """By the number of steps."""
+    def _advances(self) -> dict[tuple[int, int], Advance]:
+        """By room for hypotheses and number of steps."""
         return {}
 
     def _walk(
-        self, team: Team, carry: Carry, inputs: Inputs, log: Log, progress: Progress
+        self,
+        team: Team,
+        carry: Carry,
+        inputs: Inputs,
+        log: Log,
+        bank: Bank,
+        progress: Progress,
     ) -> "Walk":
         """Advance from decision to decision, calling the planners."""
         steps, every = len(inputs.time), self.scenario.decide_every
@@ -274,7 +305,7 @@ class ClosedLoop:
                     said = f"first after {time:g} s: {fault}"
                     walk.faults.setdefault(decision.status.label, said)
                 inputs.given[k : k + n, c] = decision.turn_rate, decision.speed
-            self._advance(carry, inputs, log, k, n)
+            self._advance(carry, inputs, log, bank, k, n)
             for c, (decision, _) in enumerate(answers):
                 log.score[k, c], log.status[k, c] = decision.score, decision.status
             condition = answers[0].decision.condition

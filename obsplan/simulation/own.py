@@ -5,6 +5,7 @@ from typing import NamedTuple
 from formulations.model.casadi import SX
 from obsplan.estimators import Process
 from obsplan.sensors import Sensor
+from obsplan.vehicles import Vehicle
 
 
 class Own(NamedTuple):
@@ -18,6 +19,8 @@ class Own(NamedTuple):
     in_flight: SX
     excess: SX
     reported_excess: SX
+    bank: SX
+    misses: SX
     survey: SX
     steer: SX
     disturbance: SX
@@ -39,6 +42,7 @@ class Own(NamedTuple):
 class Kind(NamedTuple):
     """What AUVs may have in common."""
 
+    vehicle: Vehicle  # how they move
     process: Process  # what their filters assume
     current: tuple[float, float]  # they count on [m/s]
     logs: tuple[tuple[Sensor, Sensor], ...]  # that measure speed: of the true state, the filter's

@@ -51,6 +51,9 @@ def record(
         # measured at the step's end
         ranges=measured(log.range),
         bearings=measured(log.bearing),
+        fates=measured(log.fate),
+        innovations=measured(log.innovation),
+        innovation_variances=measured(log.innovation_variance),
         reports=np.concatenate([missing > 0, by_auv(log.report)[..., 0] > 0], axis=1),
         # decided at its beginning
         condition=np.concatenate([by_auv(log.condition)[..., 0], missing], axis=1),

@@ -11,11 +11,10 @@ import casadi as ca
 import numpy as np
 
 from formulations.model.casadi import matrix, symbol
-from obsplan.estimators import Process
 from obsplan.planning.expressions import Command, Expression, Targets, decision_function
 from obsplan.planning.interface import Planner, expression_of
 from obsplan.scenario import Scenario
-from obsplan.scenario.states import BASIC, noise
+from obsplan.scenario.states import BASIC
 from obsplan.simulation.features import Features
 from obsplan.simulation.own import Kind, Own
 from obsplan.simulation.surveyor import Fleet, Surveyor
@@ -38,10 +37,16 @@ class Carry(NamedTuple):
     in_flight: Any  # reports on their way, each: mean, covariance, steps until it arrives
     excess: Any  # 1 x M, of squared innovations over what filters expect, a running mean [m^2]
     reported_excess: Any  # as last reported; both are none where nothing is doubted
+    # several hypotheses, where there are: mean and covariance are those of all together
+    bank: Any
+    misses: Any  # B x M, ranges rejected in a row; none without a gate
 
 
 # of Carry, what no run records: arrays have the present sample only
-HELD = ("reported", "reported_covariance", "in_flight", "excess", "reported_excess")
+HELD = (
+    *("reported", "reported_covariance", "in_flight", "excess", "reported_excess"),
+    *("bank", "misses"),
+)
 
 
 class Inputs(NamedTuple):
@@ -81,6 +86,9 @@ class Log(NamedTuple):
     status: Any  # 1 x C
     bearing: Any  # B x M, or none
     report: Any  # 1 x M, whether a report was made that is heard, be it later
+    fate: Any  # B x M, code of what became of a range (`Fate`)
+    innovation: Any  # B x M, of the range
+    innovation_variance: Any  # B x M
 
 
 OF_ALL = ("time", "decide")  # one column
@@ -90,18 +98,19 @@ OF_AID = ("cna", "command", "given", "score", "status", "stream")
 # of each AUV, what its part of the step is told of Carry and Inputs
 OF_AUV = (
     *("truth", "mean", "covariance", "reported", "reported_covariance"),
-    *("in_flight", "excess", "reported_excess"),
+    *("in_flight", "excess", "reported_excess", "bank", "misses"),
 )
 GIVEN_AUV = (
     *("survey", "steer", "disturbance", "ping", "heading_error", "range_error"),
     *("chance", "false", "repeated", "depth", "depth_error", "bearing_error"),
     *("log", "log_error", "water", "report_chance"),
 )
-FOUND = (*OF_AUV, "range", "bearing", "report")
+LOGGED_AUV = ("range", "bearing", "report", "fate", "innovation", "innovation_variance")
+FOUND = (*OF_AUV, *LOGGED_AUV)
 
 
-def shape_of(name: str, scenario: Scenario) -> tuple[int, int]:
-    """Axes (column, row) of a field, as arrays have them."""
+def shape_of(name: str, scenario: Scenario, hypotheses: int = 1) -> tuple[int, int]:
+    """Axes (column, row) of a field, as arrays have them, with room for some hypotheses."""
     n, m = len(scenario.truth_states), len(scenario.filter_states)
     half, beacons = m * (m + 1) // 2, len(scenario.beacons)
     has = Features.of(scenario)
@@ -116,6 +125,9 @@ def shape_of(name: str, scenario: Scenario) -> tuple[int, int]:
     rows |= {"in_flight": scenario.in_flight * (m + half + has.doubted + 1)}
     rows |= {"report_chance": beacons * has.unheard, "excess": has.doubted}
     rows |= {"reported_excess": has.doubted}
+    filtering = scenario.filtering(hypotheses)
+    rows |= {"bank": filtering.rows, "misses": filtering.counted}
+    rows |= dict.fromkeys(("fate", "innovation", "innovation_variance"), beacons)
     rows |= {"bearing_error": beacons * has.bearing, "bearing": beacons * has.bearing}
     columns = len(scenario.table.auv)
     if name in OF_ALL or name in OF_AID:
@@ -140,6 +152,7 @@ class StepBuilder:
 
     scenario: Scenario
     planners: tuple[Planner, ...]  # of the aid vehicles
+    hypotheses: int = 1  # that there is room for
 
     def build(self) -> ca.Function:
         """The Function (Carry, Inputs) -> (Carry, Log), of the fields that have any row.
@@ -154,9 +167,10 @@ class StepBuilder:
         aids = range(len(self.planners))
         stream = inputs.stream
         cna = ca.horzcat(*(moved(carry.cna[:, c], command[:, c], stream[:, c]) for c in aids))
-        *columns, ranges, bearings, reports = self._fleet(cna, command, carry, inputs)
-        after = Carry(cna, command, *columns)
-        log = Log(ranges, score, condition, status, bearings, reports)
+        found = dict(zip(FOUND, self._fleet(cna, command, carry, inputs), strict=True))
+        after = Carry(cna, command, *(found[name] for name in OF_AUV))
+        decided = {"score": score, "condition": condition, "status": status}
+        log = Log(**decided, **{name: found[name] for name in LOGGED_AUV})
         given = _filled({**carry._asdict(), **inputs._asdict()})
         moved_on = {f"next_{name}": value for name, value in after._asdict().items()}
         found = _filled({**moved_on, **log._asdict()})
@@ -165,7 +179,11 @@ class StepBuilder:
 
     def _matrices(self, of: type[Carry | Inputs]) -> list[ca.MX]:
         """A symbol for each field."""
-        return [matrix(name, *shape_of(name, self.scenario)[::-1]) for name in of._fields]
+        return [matrix(name, *self._shape(name)[::-1]) for name in of._fields]
+
+    def _shape(self, name: str) -> tuple[int, int]:
+        """Axes (column, row) of a field."""
+        return shape_of(name, self.scenario, self.hypotheses)
 
     def _moved(self) -> ca.Function:
         """(pose, command, current that carries it) -> pose of an aid vehicle."""
@@ -239,13 +257,14 @@ class StepBuilder:
     def _of_one(self, kind: Kind) -> ca.Function:
         """Each of `FOUND` of one AUV of a kind at the step's end."""
         names = (*OF_AUV, *GIVEN_AUV)
-        own = {name: symbol(name, shape_of(name, self.scenario)[1]) for name in names}
+        own = {name: symbol(name, self._shape(name)[1]) for name in names}
         aids = len(self.planners)
         of_aid = {name: shape_of(name, self.scenario)[1] for name in ("cna", "command", "stream")}
         shared = [symbol(name, rows * aids) for name, rows in of_aid.items()]
         by_aid = [ca.reshape(column, -1, aids) for column in shared]
         fleet = Fleet.of(self.scenario, *by_aid)
-        results = Surveyor(self.scenario, kind, fleet).step(Own(**own))
+        surveyor = Surveyor(self.scenario, kind, fleet, self.scenario.filtering(self.hypotheses))
+        results = surveyor.step(Own(**own))
         found = [ca.densify(results[name]) for name in FOUND]
         # what truth, filter and its second update of a range have in common is computed once
         return ca.Function("of_one", [*own.values(), *shared], found, {"cse": True})
@@ -253,12 +272,9 @@ class StepBuilder:
     def _kind(self, i: int) -> Kind:
         """What the filter of an AUV assumes, and what measures its speed."""
         scenario = self.scenario
-        assumed = noise(scenario, scenario.filter_states, assumed=True)[i]
-        process = Process(
-            model=scenario.vehicles[i], noise=tuple(assumed), dt=scenario.table.time_step
-        )
+        process = scenario.filter_process(i, scenario.table.time_step)
         logs = zip(scenario.true_logs[i], scenario.filter_logs[i], strict=True)
-        return Kind(process, scenario.assumed_currents[i], tuple(logs))
+        return Kind(scenario.vehicles[i], process, scenario.assumed_currents[i], tuple(logs))
 
 
 def _filled(fields: dict[str, ca.MX]) -> dict[str, ca.MX]:

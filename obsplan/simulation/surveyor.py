@@ -1,14 +1,14 @@
 """One AUV over a time step, as expressions: its truth, what it measures, its filter, its report."""
 
-from functools import partial
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from formulations.model.casadi import SX
-from formulations.model.covariance import pack, unpack
+from formulations.model.covariance import pack
 from formulations.model.ranging import Ranging, arrival, law_of
+from obsplan.estimators.filtering import Filtering, Memory, Seen, Taken, chosen
 from obsplan.scenario import Scenario
 from obsplan.scenario.beacons import law_told
 from obsplan.scenario.communication import SILENT
@@ -18,6 +18,9 @@ from obsplan.simulation.doubt import NEWEST, unexplained
 from obsplan.simulation.features import Features
 from obsplan.simulation.listening import Listening, apart2
 from obsplan.simulation.own import Kind, Own
+
+# what becomes of a range, as the loop's log names it
+LOGGED = {"fate": "fate", "innovation": "innovation", "variance": "innovation_variance"}
 
 
 class Fleet(NamedTuple):
@@ -55,72 +58,90 @@ class Surveyor(NamedTuple):
     scenario: Scenario
     kind: Kind
     fleet: Fleet
+    filtering: Filtering
 
     def step(self, own: Own) -> dict[str, SX]:
         """State, filter, report, ranges and bearings at the step's end."""
-        scenario, filtering = self.scenario, self.scenario.estimator
-        compass, process = scenario.heading_sensor, self.kind.process
-        m = len(scenario.filter_states)
+        scenario, filtering = self.scenario, self.filtering
+        process = self.kind.process
         # the autopilot brings heading and speed back to the survey's, and measures what it did
         u = own.steer - own.truth[2:BASIC]
-        moved = process.model.step(own.truth, u, scenario.table.time_step)
-        after = moved + own.disturbance
-        x, P = filtering.predict(own.mean, unpack(own.covariance, m), u, process)
+        vehicle = self.kind.vehicle
+        after = vehicle.step(own.truth, u, scenario.table.time_step) + own.disturbance
+        held = filtering.memory(own.mean, own.covariance, own.bank, own.misses)
+        held = filtering.predicted(held, u, process)
         nowhere = self._told(0, own)
-        heading = compass.measure(after, nowhere) + own.heading_error
-        x, P = filtering.update(x, P, heading, compass, nowhere)
+        heading = scenario.heading_sensor.measure(after, nowhere) + own.heading_error
+        compass = scenario.as_filtered(scenario.heading_sensor)
+        held = filtering.observed(held, Seen(heading, compass, nowhere))
+        if (gauge := scenario.depth_gauge) is not None:
+            depth = own.depth + own.depth_error
+            held = filtering.observed(held, Seen(depth, gauge, nowhere))
         if self.kind.logs:
-            x, P = self._logged(after, x, P, own)
-        x, P, excess, heard, measured = self._ranged(after, x, P, own)
+            held = self._logged(after, held, own)
+        held, excess, heard, measured = self._ranged(after, held, own)
+        x, P = filtering.moments(held)
+        packed = pack(P)
         known = Listening(scenario, self.kind, self.fleet.beacons).step(
-            own, ca.vertcat(x, P, excess), heard
+            own, ca.vertcat(x, packed, excess), heard
         )
-        found = {"truth": after, "mean": x, "covariance": P, "excess": excess, "report": heard}
+        found = {"truth": after, "mean": x, "covariance": packed, "excess": excess}
+        found |= {"bank": filtering.bank(held), "misses": held.misses, "report": heard}
         return measured | known | found
 
-    def _logged(self, truth: SX, x: SX, P: SX, own: Own) -> tuple[SX, SX]:
-        """Filter after its speed was measured, where it was."""
+    def _logged(self, truth: SX, held: Memory, own: Own) -> Memory:
+        """What the filter holds after its speed was measured, where it was."""
         seen, told = self._true(0, own), self._told(0, own)
-        before, before_P = x, P
+        after = held
         for k, (true, assumed) in enumerate(self.kind.logs):
             z = true.measure(truth, seen) + true.deviation(truth, seen) * own.log_error[k]
-            x, P = self.scenario.estimator.update(x, P, z, assumed, told)
-        return ca.if_else(own.log, x, before), ca.if_else(own.log, P, before_P)
+            after = self.filtering.observed(after, Seen(z, assumed, told))
+        return chosen(own.log, after, held)
 
-    def _ranged(self, truth: SX, x: SX, P: SX, own: Own) -> tuple[SX, SX, SX, SX, dict[str, SX]]:
-        """Filter after the ranges of all beacons, whether an aid vehicle heard it, and what came.
+    def _ranged(self, truth: SX, held: Memory, own: Own) -> tuple[Memory, SX, SX, dict[str, SX]]:
+        """What the filter holds after the ranges of all beacons, and what came.
 
-        The covariance is packed; after it comes the excess of innovations.
+        Between them the excess of innovations, and whether an aid vehicle heard the AUV.
         """
-        scenario, filtering = self.scenario, self.scenario.estimator
-        has, m = Features.of(scenario), len(scenario.filter_states)
-        P = pack(P)
-        ranges, bearings, heard, excess = [], [], ca.SX(0.0), own.excess
+        scenario, filtering, has = self.scenario, self.filtering, Features.of(self.scenario)
+        ranges, bearings, fates, heard, excess = [], [], [], ca.SX(0.0), own.excess
         for b, beacon in enumerate(scenario.beacons):
-            seen, told = self._true(b, own), self._told(b, own)
+            seen = self._true(b, own)
             came = self._came(b, truth, seen, own)
-            z = self._range(b, truth, seen, own)
-            update = partial(filtering.update, sensor=scenario.filter_sensor, beacon=told)
+            ranged = self._seen(b, truth, own)
             if has.doubted:
-                newest = unexplained(x, unpack(P, m), z, scenario.filter_sensor, told)
+                newest = unexplained(*filtering.moments(held), *ranged)
                 excess = ca.if_else(came, excess + NEWEST * (newest - excess), excess)
-            ranged, ranged_P = update(x, unpack(P, m), z)
-            if has.repeated:
-                again = partial(ca.if_else, own.repeated[b])
-                twice, twice_P = update(ranged, ranged_P, z)
-                ranged, ranged_P = again(twice, ranged), again(twice_P, ranged_P)
-            if (sensor := scenario.bearing_sensor) is not None:
-                bearing = sensor.measure(truth, seen) + sensor.sigma * own.bearing_error[b]
-                ranged, ranged_P = filtering.update(ranged, ranged_P, bearing, sensor, told)
-                bearings.append(ca.if_else(came, bearing, np.nan))
-            pinged = partial(ca.if_else, came)
-            x, P = pinged(ranged, x), pinged(pack(ranged_P), P)
-            ranges.append(pinged(z, np.nan))
+            bearing = self._bearing(b, truth, own)
+            held, taken = filtering.ranged(held, ranged, b, came, bearing)
+            if has.repeated and not filtering.gate:
+                again, _ = filtering.ranged(held, ranged, b, came)
+                held = chosen(own.repeated[b], again, held)
+            bearings += [ca.if_else(came, one.z, np.nan) for one in bearing]
+            ranges.append(ca.if_else(came, ranged.z, np.nan))
+            fates.append([ca.if_else(came, one, np.nan) for one in taken])
             if beacon.carrier is not None:
                 reported = self._reported(b, came, truth, seen, own)
                 heard = reported if len(scenario.beacons) == 1 else ca.fmax(heard, reported)
-        found = {"range": ca.vertcat(*ranges), "bearing": ca.vertcat(ca.SX(0, 1), *bearings)}
-        return x, P, excess, heard, found
+        measured = {"range": ca.vertcat(*ranges), "bearing": ca.vertcat(ca.SX(0, 1), *bearings)}
+        for name, column in zip(Taken._fields, zip(*fates, strict=True), strict=True):
+            measured[LOGGED[name]] = ca.vertcat(*column)
+        return held, excess, heard, measured
+
+    def _seen(self, b: int, truth: SX, own: Own) -> Seen:
+        """The range of a beacon as the filter takes it."""
+        z = self._range(b, truth, self._true(b, own), own)
+        return Seen(
+            z, self.scenario.as_filtered(self.scenario.filter_sensor, b), self._told(b, own)
+        )
+
+    def _bearing(self, b: int, truth: SX, own: Own) -> tuple[Seen, ...]:
+        """The bearing that comes with it, if one does."""
+        sensor = self.scenario.bearing_sensor
+        if sensor is None:
+            return ()
+        z = sensor.measure(truth, self._true(b, own)) + sensor.sigma * own.bearing_error[b]
+        return (Seen(z, self.scenario.as_filtered(sensor, b), self._told(b, own)),)
 
     def _range(self, b: int, truth: SX, beacon: SX, own: Own) -> SX:
         """The range that an instrument gives, never negative; a squared range as the thesis has it.

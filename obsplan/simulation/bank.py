@@ -1,0 +1,48 @@
+"""The AUVs' hypotheses in a flight: tidied after ranges, and fewer where fewer are left."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from obsplan.estimators.hypotheses import places, tidied
+from obsplan.scenario import Scenario
+from obsplan.simulation.step import Carry, Inputs
+
+FEW = 4  # a step with room for so many is quicker than one for all
+
+
+@dataclass(kw_only=True)
+class Bank:
+    """How many hypotheses there is room for, and how many positions fitted at each sample."""
+
+    scenario: Scenario
+    room: int = field(init=False)
+    fitting: Float[np.ndarray, "auvs samples"] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.room = self.scenario.hypotheses
+        self.fitting = np.ones((len(self.scenario.table.auv), self.scenario.time.size))
+
+    def until(self, inputs: Inputs, k: int, n: int) -> int:
+        """How many of the next n steps, from step k on, can be taken before it is tidied."""
+        if self.room == 1:
+            return n
+        ranged = np.flatnonzero(inputs.ping[k : k + n].any(axis=(1, 2)))
+        return int(ranged[0]) + 1 if ranged.size else n
+
+    def tidy(self, carry: Carry, k: int) -> None:
+        """After the step before sample k: drop and merge hypotheses, and count them."""
+        if self.room == 1:
+            return
+        states, living = carry.mean.shape[-1], 1
+        size = self.scenario.filtering(self.room).rows
+        banks = carry.bank[0][:, :size]
+        for i, bank in enumerate(banks):
+            if bank[0]:  # no range yet
+                living = self.room
+                continue
+            banks[i], known = tidied(bank, states)
+            living = max(living, len(known))
+            self.fitting[i, k:] = places(known)
+        self.room = next(n for n in (1, FEW, self.room) if n >= min(living, self.room))
