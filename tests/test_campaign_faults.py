@@ -66,6 +66,14 @@ def flown(folder):
         connection.close()
 
 
+def await_flown(folder, many, process):
+    """Wait until a campaign has flown so many missions, or has ended, as it does if it has fewer.
+
+    It flies some hundred a second.
+    """
+    wait_until(lambda: flown(folder) >= many or process.poll() is not None)
+
+
 def limit_files(size):
     """Let no file of this process grow beyond so many bytes: to a store, a full disk."""
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
@@ -98,16 +106,17 @@ def test_two_workers_give_the_table_of_one(tmp_path, arguments, undisturbed):
 def test_killed_three_times_at_random_and_finished_gives_the_same_table(
     tmp_path, arguments, undisturbed
 ):
-    rng = np.random.default_rng()
+    seed = np.random.SeedSequence().entropy
+    print(f"the instants are of seed {seed}")  # noqa: T201, shown if it fails
+    rng = np.random.default_rng(seed)
     for _ in range(3):
-        process, enough = (
-            start(*arguments, tmp_path),
-            flown(tmp_path) + rng.integers(1, MISSIONS // 4),
-        )
-        wait_until(lambda enough=enough: flown(tmp_path) >= enough)
+        before = flown(tmp_path)
+        enough = before + rng.integers(1, MISSIONS // 4)
+        process = start(*arguments, tmp_path)
+        await_flown(tmp_path, enough, process)
         time.sleep(rng.uniform(0.0, 0.2))
         process.kill()
-        finish(process, code=-signal.SIGKILL)
+        finish(process, code=0 if process.wait() == 0 else -signal.SIGKILL)
         assert sound(tmp_path)
     before = flown(tmp_path)
     out, _ = finish(start(*arguments, tmp_path))

@@ -3,11 +3,14 @@
 import errno
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
 from contextlib import suppress
 from itertools import chain, repeat
+from multiprocessing.process import BaseProcess
+from threading import Event, Timer
 
 import psutil
 import pytest
@@ -91,6 +94,62 @@ def test_after_a_worker_could_not_be_replaced_the_next_batch_says_so_too(monkeyp
         for _ in range(2):
             with pytest.raises(ObsplanError, match="no worker process could start"):
                 processes.send(Batch(1, "{}", (1,), False)).result(timeout=10)
+
+
+def test_worker_that_a_signal_interrupts_in_its_start_is_ended(monkeypatch):
+    begun = []
+
+    def start_and_be_told_to_end(process):
+        begin(process)
+        begun.append(psutil.Process(process.pid))
+        raise KeyboardInterrupt  # as the signal's handler does, wherever the program is
+
+    begin = BaseProcess.start
+    monkeypatch.setattr(BaseProcess, "start", start_and_be_told_to_end)
+    with pytest.raises(KeyboardInterrupt), local(2):
+        pass
+    assert [process.is_running() for process in begun] == [False]
+
+
+def locked(path, seconds):
+    """Keep a store locked as another program does; gives what tells that it no longer is."""
+    other = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+    other.execute("BEGIN IMMEDIATE")
+    freed = Event()
+
+    def free():
+        freed.set()
+        other.close()
+
+    Timer(seconds, free).start()
+    return freed
+
+
+def test_signal_ends_a_campaign_that_waits_for_a_locked_store(tmp_path):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    with Store(tmp_path) as store:
+        freed = locked(store.path, 1.5)
+        signal.setitimer(signal.ITIMER_REAL, 0.2)
+        with pytest.raises(KeyboardInterrupt):
+            store.enter([])
+        assert not freed.is_set()
+    signal.signal(signal.SIGALRM, before)
+    assert freed.wait(10)
+
+
+def test_campaign_that_waits_for_a_locked_store_says_so_once_and_goes_on(
+    tmp_path, monkeypatch, caplog
+):
+    monkeypatch.setattr("obsplan.campaign.connection.SILENCE", 0.1)
+    with Store(tmp_path) as store:
+        freed = locked(store.path, 0.5)
+        store.enter([])
+        assert freed.is_set()
+        said = f"{store.path} is locked by another program; waiting for it"
+    assert caplog.messages == [said]
 
 
 @pytest.mark.slow

@@ -41,10 +41,15 @@ class Worker:
         """Start a process; it says so when it is ready."""
         ours, theirs = get_context("spawn").Pipe()
         process = get_context("spawn").Process(target=serve, args=(theirs,), daemon=True)
-        with deaf():  # ending it is our business
-            process.start()
-        theirs.close()  # so that ours ends when the process does
-        return cls(process, cast("Connection", ours))
+        worker = cls(process, cast("Connection", ours))
+        try:
+            with deaf():  # ending it is our business
+                process.start()
+            theirs.close()  # so that ours ends when the process does
+        except BaseException:  # of a signal: nobody else knows of the process yet
+            worker.end()
+            raise
+        return worker
 
     def await_ready(self) -> None:
         """Wait until it can fly.
@@ -65,7 +70,9 @@ class Worker:
         return self.pipe.recv()
 
     def end(self) -> None:
-        """End the process, whatever it does."""
+        """End the process, whatever it does, if it began."""
+        if self.process.pid is None:
+            return
         self.process.kill()
         self.process.join()
 

@@ -15,6 +15,7 @@ from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from obsplan.campaign.connection import connected
 from obsplan.campaign.faults import FILE, begun_store, empty, placed_wrong, remedy
 from obsplan.campaign.integrity import Damage, damage_of, lay_out, rescue, write_total
 from obsplan.campaign.layout import (
@@ -32,7 +33,6 @@ from obsplan.campaign.plan import Cell
 from obsplan.campaign.worker import Outcome
 from obsplan.types import ObsplanError
 
-PATIENCE = 600.0  # [s] to wait for another campaign's commit or export
 BLOCK = 10_000  # seeds or rows looked at together: memory does not grow with the campaign
 ADD = f"INSERT OR REPLACE INTO mission VALUES ({', '.join('?' * len(COLUMNS))})"
 # not those of a scenario, or of code that flies, since changed
@@ -56,11 +56,7 @@ class Store:
                 self._make()
             if self.path.is_file() and self.path.stat().st_size == 0:
                 raise ObsplanError(empty(self.path))
-            # without the right to write, SQLite opens it for reading
-            place = f"{self.path.absolute().as_uri()}?mode=rw"
-            self._connection = sqlite3.connect(
-                place, uri=True, timeout=PATIENCE, isolation_level=None
-            )
+            self._connection = connected(self.path)
             self._connection.text_factory = decoded
             try:
                 self._recognise()
