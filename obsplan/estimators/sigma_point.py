@@ -71,10 +71,10 @@ def _regression(
         behind = difference(f(x - away), flat.mean)
         odd.append((ahead - behind) / (2 * c))
         even.append((ahead + behind) / (2 * c))
-    drift = sum(even) / c
+    E = ca.horzcat(*even)
+    drift = ca.sum2(E) / c
     H = ca.SX(flat.H)
     H[:, bent] = _slope(L, ca.horzcat(*odd), flat.H[:, bent])
-    E = ca.horzcat(*even)
     return Linear(flat.mean + drift, H, E @ E.T - drift @ drift.T)
 
 
