@@ -1,11 +1,14 @@
-"""Whether a filter's errors are as large as it says: the NEES test for one run.
+"""Whether a filter's errors and innovations are as large as it says: NEES, NIS and runs of signs.
 
 Errors within a run depend on each other: a run is worth fewer independent ones than it has samples.
+A consistent filter's innovations are independent, and of either sign alike.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Integer
-from scipy.special import gammaincinv
+from scipy.special import erfc, gammaincinv
 
 CONFIDENCE = 0.95  # of the interval
 INSTANTS = 400  # of a run that are looked at: errors change little between them
@@ -80,13 +83,83 @@ def _error_transitions(
     return P[k + 1] @ np.linalg.pinv(predicted, hermitian=True) @ F[k]
 
 
-def mean_nees_interval(samples: float, *, position: int = 2) -> tuple[float, float]:
-    r"""Return the interval that holds the mean of N independent NEES with probability 0.95.
+def mean_interval(
+    samples: float | int, *, degrees: int, probability: float = CONFIDENCE
+) -> tuple[float, float]:
+    r"""Return the interval that holds a consistent filter's mean NEES or NIS with a probability.
 
-    N times the mean is chi-square with d N degrees if the filter is consistent (Bar-Shalom, Li &
-    Kirubarajan 2001, 5.4); N, here ``samples``, need not be whole.
+    N times the mean of N independent values is chi-square with d N degrees of freedom; both tails
+    outside are equally probable (Bar-Shalom, Li & Kirubarajan 2001, 5.4.2).
+
+    Parameters
+    ----------
+    samples
+        Number N of independent values, which need not be whole (see `effective_samples`).
+    degrees
+        Number d of coordinates of each: 2 of a position, 1 of a range's innovation.
+    probability
+        Of the interval, between 0 and 1.
+
+    Returns
+    -------
+    Both ends; nan where N is 0 or nan, so that no mean is found outside.
+
+    Raises
+    ------
+    ValueError
+        A negative number of values, no degrees, or a probability out of range.
     """
-    tail = (1.0 - CONFIDENCE) / 2
-    # quantiles of the chi-square distribution with position * samples degrees of freedom
-    low, high = 2 * gammaincinv(position * samples / 2, [tail, 1.0 - tail]) / samples
+    if samples < 0 or degrees < 1 or not 0 < probability < 1:
+        raise ValueError(
+            "needs samples >= 0, degrees >= 1 and a probability between 0 and 1, "
+            f"got {samples}, {degrees} and {probability}"
+        )
+    if not samples > 0:
+        return float("nan"), float("nan")
+    tail = (1.0 - probability) / 2
+    # quantiles of the chi-square distribution
+    low, high = 2 * gammaincinv(degrees * samples / 2, [tail, 1.0 - tail]) / samples
     return float(low), float(high)
+
+
+class Runs(NamedTuple):
+    """Runs of like signs in a series, and whether chance makes them so."""
+
+    positive: int  # values
+    negative: int
+    runs: int
+    z: float  # standard normal if the order is chance: below 0 for too few runs
+    p: float  # probability of as odd a number of runs, or odder, in either direction
+
+
+def runs_of_signs(values: Float[np.ndarray, " n"]) -> Runs:
+    r"""Test whether the signs of innovations follow each other by chance.
+
+    Of :math:`n_+` positive and :math:`n_-` negative values in random order the number of runs has
+    (Wald & Wolfowitz 1940)
+
+    .. math:: \mu = 1 + \frac{2 n_+ n_-}{n}, \quad
+              \sigma^2 = \frac{2 n_+ n_- (2 n_+ n_- - n)}{n^2 (n - 1)},
+
+    and is about normal from ten of each sign on. A bias, or an error that lasts, makes runs long
+    and few: z is negative. It is a test of whiteness as in Bar-Shalom, Li & Kirubarajan (2001),
+    5.4.2, that needs no variance.
+
+    Values that are nan, where nothing was measured, or exactly 0 have no sign and are left out.
+    Where every order has as many runs z is nan: of two different signs, where p is 1, and of signs
+    that are all the same, where p is the probability :math:`2^{1-n}` that fair ones are. Without
+    any sign both are nan.
+    """
+    known = np.asarray(values)[~np.isnan(values)]
+    up = known[known != 0] > 0
+    n = up.size
+    positive = int(up.sum())
+    negative = n - positive
+    runs = int(np.count_nonzero(up[1:] != up[:-1])) + min(n, 1)
+    pairs = 2.0 * positive * negative
+    if pairs > n:
+        variance = pairs * (pairs - n) / (n**2 * (n - 1.0))
+        z = float((runs - 1 - pairs / n) / np.sqrt(variance))
+        return Runs(positive, negative, runs, z, float(erfc(abs(z) / np.sqrt(2))))
+    p = 1.0 if pairs else 2.0 ** (1 - n)
+    return Runs(positive, negative, runs, float("nan"), p if n else float("nan"))

@@ -25,6 +25,7 @@ _HOME = {
     "Formation": "surveys",
     "GramianHorizon": "planners.gramian",
     "InformationHorizon": "planners.information",
+    "IteratedEkf": "estimators",
     "Lawnmower": "surveys",
     "ObsplanError": "types",
     "PathInertia": "planners.path_inertia",
@@ -38,7 +39,9 @@ _HOME = {
     "Run": "run",
     "STATES": "vehicles",
     "Scenario": "scenario",
+    "SecondOrderEkf": "estimators",
     "Sensor": "sensors",
+    "SigmaPoint": "estimators",
     "Situation": "planning.situation",
     "SquaredRange": "sensors",
     "State": "vehicles",
@@ -69,7 +72,10 @@ if TYPE_CHECKING:
     from obsplan.constraints import Polygon as Polygon
     from obsplan.estimators import Ekf as Ekf
     from obsplan.estimators import Estimator as Estimator
+    from obsplan.estimators import IteratedEkf as IteratedEkf
     from obsplan.estimators import Process as Process
+    from obsplan.estimators import SecondOrderEkf as SecondOrderEkf
+    from obsplan.estimators import SigmaPoint as SigmaPoint
     from obsplan.planners.centroid_orbit import CentroidOrbit as CentroidOrbit
     from obsplan.planners.circle import Circle as Circle
     from obsplan.planners.error_ellipse import ErrorEllipse as ErrorEllipse

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from pykalman import KalmanFilter
 
-from obsplan.estimators import Ekf, Process
+from obsplan.estimators import ESTIMATORS, Ekf, Process
 from obsplan.sensors import Heading, Range, SquaredRange
 from obsplan.vehicles import State
 
@@ -46,16 +46,19 @@ def linear(A, B, variances):
     return Process(model=vehicle, noise=tuple(np.sqrt(variances)), dt=1.0)
 
 
-def updated(sensor, n=4):
-    """The update as a Function of mean, covariance, measurement and beacon."""
+every_kind = pytest.mark.parametrize("kind", ESTIMATORS)
+
+
+def updated(sensor, n=4, kind="ekf"):
+    """A filter's update as a Function of mean, covariance, measurement and beacon."""
     x, P, z, beacon = (
         ca.SX.sym("x", n),
         ca.SX.sym("P", n, n),
         ca.SX.sym("z"),
         ca.SX.sym("beacon", 2),
     )
-    ekf = Ekf()
-    return ca.Function("update", [x, P, z, beacon], list(ekf.update(x, P, z, sensor, beacon)))
+    after = ESTIMATORS[kind]().update(x, P, z, sensor, beacon)
+    return ca.Function("update", [x, P, z, beacon], list(after))
 
 
 def positive(rng, n, scale=1.0):
@@ -64,14 +67,15 @@ def positive(rng, n, scale=1.0):
     return scale * (A @ A.T + 0.1 * np.eye(n))
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_filter_of_a_linear_system_is_the_kalman_filter_of_pykalman(seed):
+@every_kind
+@pytest.mark.parametrize("seed", range(3))
+def test_filter_of_a_linear_system_is_the_kalman_filter_of_pykalman(seed, kind):
     rng = np.random.default_rng(seed)
     A, B, C = rng.normal(size=(3, 3)) * 0.6, rng.normal(size=(3, 2)), rng.normal(size=3)
     Q, P0, sigma = np.diag(rng.uniform(0.01, 0.3, 3)), positive(rng, 3), 0.7
     x0, u, z = rng.normal(size=3), rng.normal(size=(40, 2)), rng.normal(size=40)
 
-    ekf, sensor = Ekf(), LinearSensor(tuple(C), sigma)
+    kernel, sensor = ESTIMATORS[kind](), LinearSensor(tuple(C), sigma)
     process = linear(A, B, np.diag(Q))
     x, P, control, measured = (
         ca.SX.sym("x", 3),
@@ -82,7 +86,7 @@ def test_filter_of_a_linear_system_is_the_kalman_filter_of_pykalman(seed):
     step = ca.Function(
         "step",
         [x, P, control, measured],
-        list(ekf.update(*ekf.predict(x, P, control, process), measured, sensor, ca.SX(0))),
+        list(kernel.update(*kernel.predict(x, P, control, process), measured, sensor, ca.SX(0))),
     )
     means, covariances = [x0], [P0]
     for k in range(40):
@@ -124,10 +128,13 @@ def test_update_is_the_conditional_gaussian_of_mean_and_measurement():
     )
 
 
-@pytest.mark.parametrize("turns", [-3, -1, 0, 1, 2])
-def test_innovation_of_the_heading_does_not_count_whole_turns(turns):
+@every_kind
+@pytest.mark.parametrize("turns", [-3, 0, 1])
+def test_innovation_of_the_heading_does_not_count_whole_turns(turns, kind):
     x, P = np.array([0.0, 0.0, 3.1, 1.0]), np.diag([1.0, 1.0, 0.04, 1.0])
-    mean, covariance = updated(Heading(sigma=0.2))(x, P, 3.3 + 2 * np.pi * turns, [0.0, 0.0])
+    mean, covariance = updated(Heading(sigma=0.2), kind=kind)(
+        x, P, 3.3 + 2 * np.pi * turns, [0.0, 0.0]
+    )
     assert mean.full()[2, 0] == pytest.approx(3.2, abs=1e-12)  # half way: P and R are equal
     assert covariance.full()[2, 2] == pytest.approx(0.02, abs=1e-15)
 
@@ -139,16 +146,17 @@ def test_innovation_of_a_range_is_not_wrapped():
     assert mean.full()[0, 0] == pytest.approx(30.0, abs=1e-6)
 
 
+@every_kind
 @pytest.mark.parametrize(
     "sensor", [Range(sigma=1e-3), SquaredRange(sigma=1e-3), Heading(sigma=1e-6)]
 )
-def test_covariance_stays_symmetric_and_positive_after_ten_thousand_precise_updates(sensor):
+def test_covariance_stays_symmetric_and_positive_after_ten_thousand_precise_updates(sensor, kind):
     rng, count = np.random.default_rng(4), 10_000
     x, P = np.array([0.0, 0.0, 0.5, 1.0]), np.diag([1e4, 1e4, 1.0, 1.0])
     bearing = rng.uniform(-np.pi, np.pi, count)
     beacons = 50.0 * np.stack([np.cos(bearing), np.sin(bearing)])
     z = {"Range": 50.0, "SquaredRange": 2500.0, "Heading": 0.5}[type(sensor).__name__]
-    means, covariances = updated(sensor).mapaccum("all", count, 2)(
+    means, covariances = updated(sensor, kind=kind).mapaccum("all", count, 2)(
         x, P, np.full((1, count), z), beacons
     )
     P = covariances.full().T.reshape(count, 4, 4)
@@ -172,9 +180,10 @@ def test_prediction_keeps_the_covariance_symmetric_to_the_last_bit():
     np.testing.assert_allclose(predicted, A @ P0 @ A.T + Q, rtol=1e-13)
 
 
+@every_kind
 @pytest.mark.parametrize("sensor", [Range(sigma=0.5), SquaredRange(sigma=0.5)])
-def test_range_on_top_of_the_beacon_leaves_the_estimate_as_it_is(sensor):
+def test_range_on_top_of_the_beacon_leaves_the_estimate_as_it_is(sensor, kind):
     x, P = np.array([3.0, 4.0, 0.1, 1.0]), np.diag([4.0, 9.0, 0.1, 0.2])
-    mean, covariance = updated(sensor)(x, P, 1.0, [3.0, 4.0])
+    mean, covariance = updated(sensor, kind=kind)(x, P, 1.0, [3.0, 4.0])
     np.testing.assert_array_equal(mean.full().ravel(), x)
     np.testing.assert_array_equal(covariance.full(), P)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from formulations.model.casadi import symbol
 from formulations.model.covariance import propagate, symmetric
 from obsplan.estimators.estimator import Process
 from obsplan.estimators.jacobian import jacobian
@@ -75,6 +76,29 @@ def tangent(f: Function, x: ca.SX) -> Linear:
     """What is taken for f where its curvature is neglected."""
     mean = f(x)
     return Linear(mean, jacobian(f, x), ca.SX(mean.numel(), mean.numel()))
+
+
+def hessians(f: Function, x: ca.SX) -> list[ca.SX]:
+    """Hessian of each component of f at the expression x."""
+    s = symbol("s", x.numel())
+    components = ca.vertsplit(f(s))
+    return [ca.substitute(ca.hessian(each, s)[0], s, x) for each in components]
+
+
+def states_of(f: Function, n: int) -> list[int]:
+    """States, of n, that f depends on, by its expression."""
+    return _that_matter(f, n, order=1)
+
+
+def bends(f: Function, n: int) -> list[int]:
+    """States, of n, in which f is not linear, by its expression."""
+    return _that_matter(f, n, order=2)
+
+
+def _that_matter(f: Function, n: int, *, order: int) -> list[int]:
+    s = symbol("s", n)
+    matter = ca.which_depends(f(s), s, order, False)  # to any component
+    return [i for i, does in enumerate(matter) if does]
 
 
 def corrected(P: ca.SX, seen: Linear) -> tuple[ca.SX, ca.SX]:

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from formulations.model.casadi import symbol
-from obsplan.estimators.gaussian import Function, GaussianFilter, Linear
+from obsplan.estimators.gaussian import Function, GaussianFilter, Linear, hessians
 from obsplan.estimators.jacobian import jacobian
 
 
@@ -27,17 +26,10 @@ class SecondOrderEkf(GaussianFilter):
 
     def linearize(self, f: Function, x: ca.SX, P: ca.SX) -> Linear:
         """Tangent at the mean, moved by half the curvature, whose scatter is an error."""
-        bent = [B @ P for B in _hessians(f, x)]
+        bent = [B @ P for B in hessians(f, x)]
         half = ca.vertcat(*(ca.trace(BP) / 2 for BP in bent))
         error = ca.SX(len(bent), len(bent))
         for i, one in enumerate(bent):
             for j, other in enumerate(bent):
                 error[i, j] = ca.trace(one @ other) / 2
         return Linear(f(x) + half, jacobian(f, x), error)
-
-
-def _hessians(f: Function, x: ca.SX) -> list[ca.SX]:
-    """Hessian of each component of f at the expression x."""
-    s = symbol("s", x.numel())
-    components = ca.vertsplit(f(s))
-    return [ca.substitute(ca.hessian(each, s)[0], s, x) for each in components]

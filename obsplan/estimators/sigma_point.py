@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from formulations.model.casadi import symbol
-from obsplan.estimators.gaussian import Function, GaussianFilter, Linear, tangent
+from obsplan.estimators.gaussian import Function, GaussianFilter, Linear, bends, tangent
 from obsplan.sensors import Sensor, residual
 
 GAUSSIAN = 3  # squared distance of points that has a Gaussian's fourth moment in each direction
@@ -59,31 +58,24 @@ def _regression(
 ) -> Linear:
     """Statistical linear regression of f over sigma points of the states in which it bends."""
     flat = tangent(f, x)
-    bends = _bends(f, x.numel())
-    if not bends:
+    bent = bends(f, x.numel())
+    if not bent:
         return flat
-    L = square_root(P[bends, bends])
-    c = float(np.sqrt(max(GAUSSIAN, len(bends))))
+    L = square_root(P[bent, bent])
+    c = float(np.sqrt(max(GAUSSIAN, len(bent))))
     odd, even = [], []
-    for i in range(len(bends)):
+    for i in range(len(bent)):
         away = ca.SX.zeros(x.numel())
-        away[bends] = c * L[:, i]
+        away[bent] = c * L[:, i]
         ahead = difference(f(x + away), flat.mean)
         behind = difference(f(x - away), flat.mean)
         odd.append((ahead - behind) / (2 * c))
         even.append((ahead + behind) / (2 * c))
-    drift = sum(even) / c
-    H = ca.SX(flat.H)
-    H[:, bends] = _slope(L, ca.horzcat(*odd), flat.H[:, bends])
     E = ca.horzcat(*even)
+    drift = ca.sum2(E) / c
+    H = ca.SX(flat.H)
+    H[:, bent] = _slope(L, ca.horzcat(*odd), flat.H[:, bent])
     return Linear(flat.mean + drift, H, E @ E.T - drift @ drift.T)
-
-
-def _bends(f: Function, n: int) -> list[int]:
-    """States in which f, as an expression, is not linear."""
-    s = symbol("s", n)
-    depends = ca.which_depends(f(s), s, 2, False)
-    return [i for i, bends in enumerate(depends) if bends]
 
 
 def square_root(P: ca.SX) -> ca.SX:

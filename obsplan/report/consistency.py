@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from formulations.consistency import mean_nees_interval
+from formulations.consistency import mean_interval
 from obsplan.ranged import Nis, Ranged
 from obsplan.report.words import percent
 from obsplan.run import Run
@@ -17,7 +17,7 @@ def nees_clause(nees: Float[np.ndarray, " samples"], mean: float | None, samples
     """Whether errors are what the filter says, as far as so many independent ones tell."""
     if mean is None or not np.isfinite(samples):
         return ""
-    low, high = mean_nees_interval(samples)
+    low, high = mean_interval(samples, degrees=2)
     evidence = f"about {samples:.0f} independent error{'s' if round(samples) != 1 else ''}"
     if low <= mean <= high and high > TELLING:
         return f"whether its filter is consistent cannot be told (NEES {mean:.3g} of {evidence})"
