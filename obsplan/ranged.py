@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Integer
 
-from formulations.consistency import mean_nees_interval
+from formulations.consistency import mean_interval
 from obsplan.fates import Fate
 
 ALARM = 0.2  # of the ranges: a filter that rejects more has something wrong
@@ -81,7 +81,7 @@ class Ranged:
         squares = squares[np.isfinite(squares)]
         if not squares.size:
             return None
-        low, high = mean_nees_interval(squares.size, position=1)
+        low, high = mean_interval(squares.size, degrees=1)
         return Nis(float(squares.mean()), squares.size, low, high)
 
     @property
