@@ -10,7 +10,7 @@ WINDOWS = 100  # displacements that are compared with the truth's
 MOST_RANGES = 300  # that a dead-reckoned track is fitted to
 FEWEST = 8
 BETTER = 0.5  # of the misfit: what another convention has to leave at most
-DOUBTFUL = 3.0  # standard deviations of the ranges, by which the track as it is has to miss
+DOUBTFUL = 2.0  # standard deviations of the ranges, by which the track as it is has to miss
 LEAST = 1.0  # [m]; who moves less has no direction
 VAGUE = 45.0  # [deg]; a first heading that is less well known is no convention
 
@@ -115,7 +115,7 @@ def against_ranges(track: Reckoned, heard: Heard, first: complex, spread: float)
         return ""
     return (
         f'headings of "{track.name}" look {best.words}: so ranges miss its dead-reckoned track by '
-        f"{least:.3g} m in the median, as they are by {as_is:.3g} m; {best.remedy}, if that is so"
+        f"{least:.3g} m on average, as they are by {as_is:.3g} m; {best.remedy}, if that is so"
     )
 
 
@@ -130,7 +130,7 @@ def _best(misfit: object) -> tuple[Convention, float]:
 def _misfit(
     places: Complex[np.ndarray, " n"], heard: Heard, first: complex, spread: float
 ) -> float:
-    """Median miss of ranges [m] by a track whose first place is free as far as it is unknown."""
+    """Mean miss of ranges [m] by a track whose first place is free as far as it is unknown."""
     from scipy.optimize import least_squares
 
     scale = max(heard.sigma, 1e-3)
@@ -145,7 +145,7 @@ def _misfit(
     for start in _starts(first, spread, scale):
         fit = least_squares(residuals, [start.real, start.imag], loss="soft_l1", max_nfev=50)
         off = np.abs(places + complex(*fit.x) - heard.beacon) - heard.value
-        misses.append(float(np.median(np.abs(off))))
+        misses.append(float(np.abs(off).mean()))
     return min(misses)
 
 
