@@ -15,6 +15,7 @@ class Fate(IntEnum):
     INNOVATION = 6
     UNKNOWN_BEACON = 7
     REOPENED = 8
+    NO_DISTANCE = 9
 
     @property
     def taken(self) -> bool:
@@ -39,4 +40,5 @@ WORDS = {
     Fate.INNOVATION: "innovation too large",
     Fate.UNKNOWN_BEACON: "unknown beacon",
     Fate.REOPENED: "accepted after the estimate was made less certain",
+    Fate.NO_DISTANCE: "no distance",
 }

@@ -67,18 +67,24 @@ def as_toml(value: object) -> str:
     return f'"{value}"' if isinstance(value, str) else str(value)
 
 
-def as_error(source: str, error: ValidationError, told: str | None = None) -> ObsplanError:
+def as_error(
+    source: str,
+    error: ValidationError,
+    told: str | None = None,
+    root: type[BaseModel] = ScenarioTable,
+) -> ObsplanError:
     """The first fault found, as an error that names file, key, value and remedy.
 
-    ``told`` is the key of a table that stands for another's ``ranging``.
+    ``told`` is the key of a table that stands for another's ``ranging``, ``root`` the table that
+    the file is.
     """
     faults = error.errors()
     # a misspelt key explains the key that is missing
     fault = next((f for f in faults if f["type"] == "extra_forbidden"), faults[0])
     if told is None:
-        table, path, field = locate(fault["loc"])
+        table, path, field = locate(fault["loc"], root)
     else:
-        table, path, field = locate(("ranging", *fault["loc"]))
+        table, path, field = locate(("ranging", *fault["loc"]), root)
         path[0] = told
     key = shortened(".".join(path))
     if fault["type"] == "extra_forbidden":
@@ -119,9 +125,11 @@ def shortened(text: str) -> str:
     return f"{text[:LONGEST_VALUE]}..." if len(text) > LONGEST_VALUE else text
 
 
-def locate(loc: tuple[int | str, ...]) -> tuple[type[BaseModel] | None, list[str], Any]:
+def locate(
+    loc: tuple[int | str, ...], root: type[BaseModel]
+) -> tuple[type[BaseModel] | None, list[str], Any]:
     """The table that holds a fault, its key as the user wrote it, and the field's description."""
-    table: type[BaseModel] | None = ScenarioTable
+    table: type[BaseModel] | None = root
     path: list[str] = []
     holder, field, tags = table, None, {}
     for part in loc:

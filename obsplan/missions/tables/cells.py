@@ -85,12 +85,12 @@ class Table:
 
     def _scaled(self, row: Row, role: str) -> float:
         """Number in a cell, in our unit."""
-        number = read_number(_pointed(self.cell(row, role)), self.place(row, role))
+        number = read_number(pointed(self.cell(row, role)), self.place(row, role))
         return number * self.columns[role].factor
 
     def _degrees(self, row: Row, role: str, hemisphere: str) -> float:
         """Angle [degrees] in a cell and the columns of minutes, seconds and hemisphere beside."""
-        text, where = _pointed(self.cell(row, role)), self.place(row, role)
+        text, where = pointed(self.cell(row, role)), self.place(row, role)
         if is_plain(text):
             angle, letter = read_number(text, where), ""
         else:
@@ -116,7 +116,7 @@ class Table:
         degrees = 0.0
         for part, per_degree in ((f"{role} minutes", 60.0), (f"{role} seconds", 3600.0)):
             if part in self.columns:
-                value = read_number(_pointed(self.cell(row, part)), self.place(row, part))
+                value = read_number(pointed(self.cell(row, part)), self.place(row, part))
                 if not 0 <= value < 60 or not angle.is_integer():
                     raise ObsplanError(
                         f"{self.place(row, part)} must be 0 to 60 beside whole degrees, got "
@@ -129,7 +129,7 @@ class Table:
         """Numbers in a column, in our unit, nan for an empty cell; None if one is anything else."""
         factor = self.columns[role].factor
         try:
-            texts = [_pointed(self.cell(row, role)) for row in rows]
+            texts = [pointed(self.cell(row, role)) for row in rows]
             return [read_number(text, "") * factor if text else math.nan for text in texts]
         except ObsplanError:
             return None
@@ -158,7 +158,7 @@ def _since_1970(numbers: Sequence[float]) -> bool:
     return all(math.isnan(number) or 5e8 < number < 5e9 for number in numbers)
 
 
-def _pointed(text: str) -> str:
+def pointed(text: str) -> str:
     """A number with a decimal point and a plain minus."""
     text = text.replace("\N{MINUS SIGN}", "-")
     return text.replace(",", ".") if text.count(",") == 1 and "." not in text else text

@@ -33,7 +33,12 @@ def is_number(cell: str) -> bool:
     return _NUMBER.fullmatch(cell) is not None or is_marked(cell)
 
 
-def read_rows(text: str, path: Path, is_heading: Callable[[Sequence[str], str], bool]) -> Rows:
+def read_rows(
+    text: str,
+    path: Path,
+    is_heading: Callable[[Sequence[str], str], bool],
+    names: str = '"lat,lon" or "x,y"',
+) -> Rows:
     """Split a table by the first delimiter that gives it a heading, or numbers in its first line.
 
     The heading is in its first lines. Lines that start with #, // or % are comments; the last one
@@ -42,7 +47,9 @@ def read_rows(text: str, path: Path, is_heading: Callable[[Sequence[str], str], 
     Parameters
     ----------
     is_heading
-        Whether cells, from a place in the file, name coordinates.
+        Whether cells, from a place in the file, name the columns.
+    names
+        What such a heading names, for a message.
 
     Raises
     ------
@@ -65,11 +72,11 @@ def read_rows(text: str, path: Path, is_heading: Callable[[Sequence[str], str], 
                     rows=_rows(below, delimiter, path),
                     preamble=sum(row[0] < number for row in data),
                 )
-    delimiter = _delimiter_of_numbers(data, path)
+    delimiter = _delimiter_of_numbers(data, path, names)
     return Rows(heading=[], heading_line=0, rows=_rows(data, delimiter, path))
 
 
-def _delimiter_of_numbers(data: Sequence[Line], path: Path) -> str:
+def _delimiter_of_numbers(data: Sequence[Line], path: Path, names: str) -> str:
     """The delimiter that makes numbers of the first line of a table without a heading."""
     number, line = data[0] if data else (1, "")
     for everything in (True, False):
@@ -79,7 +86,7 @@ def _delimiter_of_numbers(data: Sequence[Line], path: Path) -> str:
             if numbers >= 2 and (numbers == len(cells) or not everything):
                 return delimiter
     raise ObsplanError(
-        f'{path}: line {number} must name the columns "lat,lon" or "x,y", '
+        f"{path}: line {number} must name the columns {names}, "
         f"got {line.strip()[:80]!r}: add such a heading"
     )
 
