@@ -1,0 +1,1 @@
+"""Recorded missions: read from logs as a `Tape` and the `Scenario` beside it."""
