@@ -41,6 +41,8 @@ class Bounds:
     came: Bool[np.ndarray, "beacons auvs samples"]  # which ranges came
     beacon_places: Float[np.ndarray, "beacons samples 2"]  # [m]
     aids: Sequence[Any]  # tracks of the aid vehicles: pose, turn rate, speed
+    # whether a heading came with a sample; None: with each
+    compass: Bool[np.ndarray, "auvs samples"] | None = None
 
     def posterior(self, *, aided: bool = True) -> Iterator[Float[np.ndarray, "samples n n"]]:
         """Posterior Cramér-Rao bound of each AUV, of compass and, if aided, ranges."""
@@ -166,7 +168,8 @@ class Bounds:
         """What an AUV's compass and log tell of its state on arrival at each sample."""
         n, every = self.truth.shape[-1], self.scenario.log_every[i]
         J = np.zeros((self.time.size - 1, n, n))
-        J[:, 2, 2] = self.scenario.heading_sensor.sigma**-2
+        came = slice(None) if self.compass is None else self.compass[i, 1:]
+        J[came, 2, 2] = self.scenario.heading_sensor.sigma**-2
         due = np.arange(every, self.time.size, every) if every else np.empty(0, dtype=int)
         for sensor in self.scenario.true_logs[i]:
             J[due - 1] += informations(sensor, self.truth[i, due], self._beacon(0, i, due))

@@ -81,6 +81,8 @@ class Record:
     innovations: Float[np.ndarray, "beacons auvs samples"] | None = None
     innovation_variances: Float[np.ndarray, "beacons auvs samples"] | None = None
     log: Ranged | None = None  # the same of a recording, where several may come within a sample
+    # whether a heading came with a sample; None: with each
+    compass: Bool[np.ndarray, "auvs samples"] | None = None
     hypotheses: Float[np.ndarray, "auvs samples"] | None = None  # how many positions fit
     smoothed: Float[np.ndarray, "auvs samples 2"] | None = None  # of all ranges: places [m]
     smoothed_covariance: Float[np.ndarray, "auvs samples 2 2"] | None = None

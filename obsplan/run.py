@@ -119,6 +119,7 @@ class Run(Record):
             came=self.informative,
             beacon_places=self.beacon_places,
             aids=self.aids,
+            compass=self.compass,
         )
 
     @property
@@ -262,7 +263,7 @@ class Run(Record):
         of_each = np.sqrt(np.mean(self.cramer_rao_variance[auvs], axis=-1))
         achieved = np.sqrt(np.mean(of_each**2))
         figures = {"pcrb_rms_m": achieved}
-        if bounds:
+        if bounds and self.has_aid:
             figures["bound_rms_m"] = figures["efficiency"] = np.nan
             if not self.unbounded:
                 bound = np.sqrt(np.mean([b.bound for b in self.information_bounds[auvs]]))

@@ -15,8 +15,9 @@ from scipy.stats import chi2
 
 from obsplan.planners import PLANNERS
 from obsplan.report import compare_figure, errors_figure, map_figure
-from obsplan.report.errors import BEYOND, NEES_BAND
+from obsplan.report.errors import NEES_BAND
 from obsplan.report.map import apart, ellipses, extent
+from obsplan.report.panels import BEYOND
 from obsplan.report.style import BROKEN, COLOURS, MOST_POINTS, outline, planner_style, png
 from obsplan.simulation import simulate
 

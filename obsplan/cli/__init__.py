@@ -9,12 +9,16 @@ import typer
 
 from obsplan.cli.campaigns import campaign, campaign_check, campaign_report
 from obsplan.cli.commands import compare, new, run, scenarios, schema, thesis
+from obsplan.cli.replays import recordings, replay
 from obsplan.cli.stopping import is_stop, listen, received, stop
 from obsplan.cli.terminal import WRONG_INPUT, complain, open_door, put, say, unwritable
 
 __all__ = ["main"]
 
-COMMANDS = (run, compare, campaign, campaign_check, campaign_report, thesis, new, scenarios, schema)
+COMMANDS = (
+    *(run, compare, replay, campaign, campaign_check, campaign_report),
+    *(thesis, new, scenarios, recordings, schema),
+)
 EPILOG = (
     "Exit codes: 0 done; 2 what was given is wrong, and one sentence says what; "
     "3 some missions of a campaign failed; 130, 143, 129 ended in order by Ctrl-C, SIGTERM, SIGHUP."

@@ -1,4 +1,4 @@
-"""Recorded missions: read from logs as a `Tape` and the `Scenario` beside it."""
+"""Recorded missions: read from logs as a `Tape` and the `Scenario` beside it, and estimated."""
 
 from obsplan.replay.log import Discarded
 from obsplan.replay.read import read

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from obsplan.record import distance
-from obsplan.report.panels import BEYOND, draw_line, empty_rows, finish, scale_errors
+from obsplan.report.panels import curve_handles, draw_line, empty_rows, finish, scale_errors
 from obsplan.report.sigmas import draw_hypotheses, shows_hypotheses, sigmas_figure
 from obsplan.report.style import (
     BROKEN,
@@ -61,8 +61,8 @@ def errors_figure(run: Run) -> Figure:
         axes.set_xlabel(label)
     for axes in figure.axes:
         axes.set_xlim(time[0], time[-1])
-    curved = any(axes.get_yscale() == "symlog" for axes in figure.axes)
-    finish(figure, [*upper, last], list(_legend(run, curved=curved)), _heading(run))
+    handles = [*_legend(run, curve_handles(figure))]
+    finish(figure, [*upper, last], handles, _heading(run))
     return figure
 
 
@@ -146,7 +146,7 @@ def _draw_nees(axes: Axes, run: Run, time: Float[np.ndarray, " n"]) -> None:
     axes.set_ylabel("NEES [-]")
 
 
-def _legend(run: Run, *, curved: bool) -> Iterator[Line2D | Patch]:
+def _legend(run: Run, curves: Sequence[Patch]) -> Iterator[Line2D | Patch]:
     """What is drawn, beside all panels."""
     one = colour(0) if len(run.names) == 1 else FAINT
     if len(run.names) > 1:
@@ -159,8 +159,7 @@ def _legend(run: Run, *, curved: bool) -> Iterator[Line2D | Patch]:
     if run.smoothed is not None:
         yield Line2D([], [], color=dark(one), **_SMOOTHED, label="error, smoothed")
     yield Patch(**_CONSISTENT, label="NEES, 95 % if consistent")
-    if curved:
-        yield Patch(fc=BEYOND, ec=FAINT, lw=0.5, label="logarithmic from here on")
+    yield from curves
     if drawn := _drawn_limits(run):
         values = ", ".join(f"{name} {value:g} m" for name, value in drawn.items())
         yield Line2D([], [], **_LIMIT, label=f"separation limits: {values}")

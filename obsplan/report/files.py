@@ -96,7 +96,13 @@ class FolderExistsError(ObsplanError):
     """A folder of that name exists."""
 
 
-def write_run(run: Run, folder: Path | str, exports: Sequence[Export] = ()) -> None:
+def write_run(
+    run: Run,
+    folder: Path | str,
+    exports: Sequence[Export] = (),
+    *,
+    hindsight: dict[str, Any] | None = None,
+) -> None:
     """Write all files of a run into a new folder.
 
     They are its scenario, recording, tracks, paths for vehicles, figures and figures of merit.
@@ -108,6 +114,8 @@ def write_run(run: Run, folder: Path | str, exports: Sequence[Export] = ()) -> N
     ----------
     exports
         The missions made of the run, if they have been made already (`make_exports`).
+    hindsight
+        What the recorded path was worth (`Hindsight.summary`), for ``summary.json``.
 
     Raises
     ------
@@ -125,6 +133,8 @@ def write_run(run: Run, folder: Path | str, exports: Sequence[Export] = ()) -> N
     if not run.is_replay:  # what was sailed is not sailed again
         exports = exports or make_exports(run)
         summary["export"] = summaries(exports)
+    if hindsight is not None:
+        summary["hindsight"] = hindsight
     with new_folder(Path(folder)) as made:
         write_atomically(made / "scenario.toml", scenario_toml(run))
         write_netcdf(run, made / "tracks.nc")
@@ -370,6 +380,8 @@ def timing(run: Run) -> dict[str, float | None]:
     Decisions that are part of the compiled step have no time of their own, and are null.
     """
     steps, decisions = run.time.size - 1, run.timing.decision_seconds
+    if not run.timing.seconds > 0:  # it was not looked at
+        return {}
     return {
         "decision_median_s": float(np.median(decisions)) if decisions else None,
         "decision_max_s": max(decisions) if decisions else None,

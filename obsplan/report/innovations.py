@@ -13,8 +13,8 @@ from matplotlib.patches import Patch
 
 from obsplan.fates import Fate
 from obsplan.ranged import Ranged
-from obsplan.report.panels import empty_rows, finish
-from obsplan.report.style import BROKEN, FAINT, colour, named, time_axis
+from obsplan.report.panels import bend, curve_handles, empty_rows, finish, round_up
+from obsplan.report.style import AID, BROKEN, COLOURS, FAINT, named, time_axis
 from obsplan.report.words import title
 from obsplan.run import Run
 
@@ -48,7 +48,7 @@ def innovations_figure(run: Run) -> Figure:
         draw_innovations(axes, run, i)
     rows[-1][0].set_xlabel(time_axis(run.time)[1])
     heading = f"{title(run.scenario.table.name)}: innovations of ranges"
-    finish(figure, rows, innovation_handles(run), heading)
+    finish(figure, rows, [*innovation_handles(run), *curve_handles(figure)], heading)
     return figure
 
 
@@ -61,7 +61,7 @@ def draw_innovations(axes: Axes, run: Run, i: int) -> None:
     time, normalised = own.received / length, own.normalised
     for b in np.unique(own.beacon):
         shown = (own.beacon == b) & own.taken
-        axes.plot(time[shown], normalised[shown], color=colour(int(b)), **_TAKEN)
+        axes.plot(time[shown], normalised[shown], color=_colour(run.ranged, b), **_TAKEN)
     for fate, marker in MARKERS.items():
         rejected = own.fate == fate
         seen = rejected & np.isfinite(normalised)
@@ -76,17 +76,19 @@ def draw_innovations(axes: Axes, run: Run, i: int) -> None:
     axes.set_ylabel("Innovation [σ]")
 
 
+def _colour(ranged: Ranged, beacon: int) -> str:
+    """Colour of a beacon: from the other end than those of AUVs."""
+    alone = not np.ptp(ranged.beacon)
+    return AID if alone else COLOURS[-1 - beacon % len(COLOURS)]
+
+
 def _scale(axes: Axes, normalised: Float[np.ndarray, " n"]) -> None:
     """Make an axis that holds all, logarithmic where some are far out."""
     most = float(np.fmax.reduce(np.abs(normalised), initial=BAND))
     if most > 2 * FARTHEST:
-        axes.set_yscale("symlog", linthresh=FARTHEST, linscale=2.0)
-        ticks = [-FARTHEST, 0.0, FARTHEST]
-        decades = 10.0 ** np.arange(1, np.ceil(np.log10(most)) + 1)
-        axes.set_yticks([*-decades[::-1], *ticks, *decades])
-        axes.set_yticklabels([f"{tick:g}".replace("-", "−") for tick in axes.get_yticks()])
-        axes.minorticks_off()
-    axes.set_ylim(-1.2 * most, 1.2 * most)
+        bend(axes, FARTHEST, round_up(1.2 * most), signed=True)
+    else:
+        axes.set_ylim(-1.2 * most, 1.2 * most)
 
 
 def innovation_handles(run: Run) -> list[Line2D | Patch]:
@@ -98,7 +100,7 @@ def innovation_handles(run: Run) -> list[Line2D | Patch]:
 def _handles(ranged: Ranged) -> Iterator[Line2D | Patch]:
     heard = np.unique(ranged.beacon)
     for b in heard[:MOST_BEACONS]:
-        yield Line2D([], [], color=colour(int(b)), **_TAKEN, label=named(ranged.beacons[b]))
+        yield Line2D([], [], color=_colour(ranged, b), **_TAKEN, label=named(ranged.beacons[b]))
     if len(heard) > MOST_BEACONS:
         more = len(heard) - MOST_BEACONS
         yield Line2D([], [], color=FAINT, **_TAKEN, label=f"and {more} more")

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 
-from obsplan.report.style import outline
+from obsplan.report.style import FAINT, outline
 
 # The layout is fixed [inch]: one that matplotlib finds takes longer than all of the drawing.
 WIDTH = 11.0  # of the figure
@@ -102,12 +102,19 @@ def scale_errors(
         return
     for axes in panels:
         if settled > 0 and round_up(1.1 * settled) < highest / OVERSHOOT:
-            _bend(axes, round_up(1.1 * settled), round_up(1.05 * highest), signed=signed)
+            bend(axes, round_up(1.1 * settled), round_up(1.05 * highest), signed=signed)
         else:
             axes.set_ylim(-1.1 * highest if signed else 0.0, 1.1 * highest)
 
 
-def _bend(axes: Axes, threshold: float, end: float, *, signed: bool) -> None:
+def curve_handles(figure: Figure) -> list[Patch]:
+    """What a legend says of axes that are bent, if some are."""
+    if not any(axes.get_yscale() == "symlog" for axes in figure.axes):
+        return []
+    return [Patch(fc=BEYOND, ec=FAINT, lw=0.5, label="logarithmic from here on")]
+
+
+def bend(axes: Axes, threshold: float, end: float, *, signed: bool) -> None:
     """Make an axis linear up to a threshold, and logarithmic from there to its end."""
     decades = np.log10(end / threshold)
     axes.set_yscale("symlog", linthresh=threshold, linscale=decades * LINEAR / (1 - LINEAR))

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from obsplan.record import NO_TRUTH
 from obsplan.report.innovations import draw_innovations, innovation_handles, shows_innovations
-from obsplan.report.panels import draw_line, empty_rows, finish, scale_errors
+from obsplan.report.panels import curve_handles, draw_line, empty_rows, finish, scale_errors
 from obsplan.report.style import FAINT, colour, dark, named, time_axis
 from obsplan.report.words import sailed, title
 from obsplan.run import Run
@@ -39,6 +39,7 @@ def sigmas_figure(run: Run) -> Figure:
     for axes in rows[-1]:
         axes.set_xlabel(label)
     handles = [*_handles(run), *(innovation_handles(run) if measured else [])]
+    handles += curve_handles(figure)
     heading = f"{title(run.scenario.table.name)}, {sailed(run)}: {NO_TRUTH}"
     finish(figure, rows, handles, heading)
     return figure

@@ -192,14 +192,23 @@ def in_wider_turns(
     cna
         The vehicle, with its own least turning radius.
     """
+    return pursuit(plan, start, cna, time_step)[0]
+
+
+def pursuit(
+    plan: Float[np.ndarray, "samples 2"], start: Pose, cna: Unicycle, time_step: float
+) -> tuple[Float[np.ndarray, "samples 2"], Float[np.ndarray, "steps 2"]]:
+    """The places of `in_wider_turns`, and the turn rate and speed [rad/s, m/s] of each step."""
     ahead = max(2, math.ceil(cna.min_turn_radius / (cna.speed * time_step)))
     ahead_time = ahead * time_step
     points: list[list[float]] = plan.tolist()
     pose = start
-    done = [[start.x, start.y]]
+    done, commands = [[start.x, start.y]], []
     for k in range(len(points) - 1):
         x, y = points[min(k + ahead, len(points) - 1)]
         speed = min(cna.speed, math.hypot(x - pose.x, y - pose.y) / ahead_time)
-        pose = moved(pose, pursue(pose, (x, y), speed, cna), speed, time_step)
+        turn_rate = pursue(pose, (x, y), speed, cna)
+        pose = moved(pose, turn_rate, speed, time_step)
         done.append([pose.x, pose.y])
-    return np.array(done)
+        commands.append([turn_rate, speed])
+    return np.array(done), np.array(commands)

@@ -1,0 +1,121 @@
+"""Commands on recordings: replay one, and list those that are shipped."""
+
+from enum import StrEnum
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from obsplan.cli.arguments import NoBound, Out, Settings
+from obsplan.cli.progress import progress
+from obsplan.cli.stopping import WRITTEN, keeping
+from obsplan.cli.terminal import say, say_written, show
+
+if TYPE_CHECKING:
+    from obsplan.replay import Recording
+    from obsplan.run import Run
+
+
+class Calibrate(StrEnum):
+    """For which ranges a scale and a bias are found."""
+
+    NONE = "none"
+    COMMON = "common"
+    EACH = "each"
+
+
+def replay(
+    recording: Annotated[
+        str,
+        typer.Argument(
+            metavar="RECORDING", help="Folder or file of a log, or name of a shipped recording."
+        ),
+    ],
+    calibrate: Annotated[
+        Calibrate,
+        typer.Option(
+            "--calibrate", help="Find scale and bias of ranges: common to all, or of each beacon."
+        ),
+    ] = Calibrate.NONE,
+    plan: Annotated[
+        bool,
+        typer.Option(
+            "--plan",
+            help="Say what the aid vehicle's path was worth, and what the default planner's is.",
+        ),
+    ] = False,
+    settings: Settings = None,
+    out: Out = None,
+    no_bound: NoBound = False,
+) -> None:
+    """Replay a recorded mission: filter its ranges, say why some are rejected, smooth tracks."""
+    from dataclasses import replace
+
+    from obsplan.cli.commands import certified
+    from obsplan.replay import read
+    from obsplan.report import filter_notes, free_folder, run_table, verdicts, write_free, write_run
+
+    read_in = read(recording, settings=settings or ())
+    name = read_in.scenario.table.name
+    free_folder(out, name)  # a folder that cannot be made is refused before anything is done
+    with progress(f"{name}, filter and smoother"):
+        run, notes = replayed(read_in, calibrate)
+    run = replace(run, bounded=not no_bound)
+    if not run.unbounded:
+        with progress(f"{name}, certified bound") as advance:
+            run = certified(run, advance)
+    weighed, told = after_all(run) if plan else (None, [])
+    folder = write_free(out, name, lambda folder: write_run(run, folder, hindsight=weighed))
+    with keeping(folder, WRITTEN):
+        for note in (*read_in.notes, *notes):
+            say(note)
+        show(run_table(run))
+        for sentence in (*verdicts(run), *filter_notes(run), *told):
+            say(sentence)
+        say_written(folder, "map.png, errors.png, ranges.csv, tracks.csv, smoothed.csv and more")
+
+
+def replayed(recording: "Recording", calibrate: Calibrate) -> "tuple[Run, list[str]]":
+    """A recording as filters and smoother see it, and what is to be known of that.
+
+    Ranges are corrected first by the scale and bias that are found, if asked for.
+    """
+    from obsplan.replay.estimate import estimate
+    from obsplan.replay.result import run_of
+    from obsplan.smoothing import calibrate as calibrated
+    from obsplan.smoothing import smooth
+
+    tape, scenario, notes = recording.tape, recording.scenario, []
+    if calibrate is not Calibrate.NONE:
+        found = calibrated(tape, scenario, per_beacon=calibrate is Calibrate.EACH)
+        tape, notes = found.tape, [*found.words]
+    begun = perf_counter()
+    estimates = estimate(tape, scenario)
+    seconds = perf_counter() - begun
+    smoothed = smooth(tape, scenario, start=estimates.mean)
+    notes += [f"Smoother: {words}." for words in smoothed.words]
+    run = run_of(
+        tape, scenario, estimates, smoothed=smoothed, began=recording.start, seconds=seconds
+    )
+    return run, notes
+
+
+def after_all(run: "Run") -> tuple[dict[str, Any] | None, list[str]]:
+    """What the aid vehicle's path was worth, for the summary and in words."""
+    from obsplan.report.hindsight import hindsight
+    from obsplan.types import ObsplanError
+
+    try:
+        with progress(f"{run.scenario.table.name}, hindsight") as advance:
+            found = hindsight(run, progress=advance)
+    except ObsplanError as error:
+        return None, [f"No hindsight: {error}."]
+    return found.summary(), [found.sentence]
+
+
+def recordings() -> None:
+    """List the recorded missions that come with obsplan."""
+    from obsplan.replay import shipped
+
+    for name, description in shipped().items():
+        say(f"{name:12}  {description}", indent=4)
