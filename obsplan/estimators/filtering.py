@@ -118,10 +118,10 @@ class Filtering:
     def predicted(self, memory: Memory, u: SX, process: Process) -> Memory:
         """What is held one sample later."""
 
-        def predict(x: SX, P: SX, u: SX) -> tuple[SX, ...]:
-            return self.estimator.predict(x, P, u, process)
+        def predict(x: SX, P: SX, u: SX, dt: SX) -> tuple[SX, ...]:
+            return self.estimator.predict(x, P, u, process._replace(dt=dt))
 
-        found = self._of_each(predict, memory, u)
+        found = self._of_each(predict, memory, u, process.dt)
         return _with(memory, found)
 
     def observed(self, memory: Memory, seen: Seen) -> Memory:
@@ -246,7 +246,7 @@ class Filtering:
         return self.estimator.update(x, P, z, sensor, told)
 
     def _of_each(
-        self, f: Callable[..., tuple[SX, ...]], memory: Memory, *given: SX
+        self, f: Callable[..., tuple[SX, ...]], memory: Memory, *given: SX | float
     ) -> list[tuple[SX, ...]]:
         """What f makes of each hypothesis; it is differentiated once."""
         if self.hypotheses == 1:

@@ -6,6 +6,8 @@ import casadi as ca
 
 from obsplan.vehicles.state import STATES, States
 
+TURN_AND_SPEED = 2  # what a control without sway is
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeadReckoning:
@@ -13,7 +15,8 @@ class DeadReckoning:
 
     A uniform current carries it. State x = (east [m], north [m], heading [rad], speed through the
     water [m/s]); control u = (turn [rad], change of speed [m/s]), the increments at the end of the
-    sample, which the vehicle measures. Holding the heading (instead of the arc) lets a sampled
+    sample, which the vehicle measures, and, from a recording, how far it moved to its left over the
+    sample [m]. Holding the heading (instead of the arc) lets a sampled
     vehicle follow a polyline exactly.
     """
 
@@ -28,4 +31,6 @@ class DeadReckoning:
         """State after dt seconds, as a CasADi expression."""
         east = x[0] + (x[3] * ca.cos(x[2]) + self.current[0]) * dt
         north = x[1] + (x[3] * ca.sin(x[2]) + self.current[1]) * dt
+        if u.numel() > TURN_AND_SPEED:
+            east, north = east - u[2] * ca.sin(x[2]), north + u[2] * ca.cos(x[2])
         return ca.vertcat(east, north, x[2] + u[0], x[3] + u[1])
