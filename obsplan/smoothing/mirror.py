@@ -16,7 +16,7 @@ def both_sides(solver: Solver, solved: Solved, tape: Tape) -> tuple[Solved, list
     """The better of the track and its mirror images, with the difference in words."""
     words: list[str] = []
     for auv, name in enumerate(tape.auvs):
-        image = mirrored(solver, solved, tape, auv)
+        image = mirrored(solver, solved, auv)
         if image is None:
             continue
         r = solver.ranges_left(image, auv)
@@ -38,7 +38,7 @@ def both_sides(solver: Solver, solved: Solved, tape: Tape) -> tuple[Solved, list
 
 
 def mirrored(
-    solver: Solver, solved: Solved, tape: Tape, auv: int
+    solver: Solver, solved: Solved, auv: int
 ) -> Float[np.ndarray, "samples n"] | None:
     """An AUV's track moved to the other side of what it ranged to; None where it ranged to none.
 

@@ -66,6 +66,12 @@ class Problem:
         ]
         return np.concatenate(parts, axis=1)
 
+    def until(self, count: int) -> "Problem":
+        """That of the first samples."""
+        early = self.rows.sample < count
+        rows = Rows(*(column[early] for column in self.rows))
+        return Problem(model=self.model, sensors=self.sensors, rows=rows, samples=count)
+
     def seen(self, x: Float[np.ndarray, "samples n"]) -> Seen:
         """Residuals, deviations and Jacobians in a trajectory."""
         rows, count = self.rows, len(self.rows.auv)

@@ -2,16 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from obsplan.scenario import Scenario
 from obsplan.scenario.states import first_covariance, noise
-from obsplan.smoothing.constants import PRIORS, Constants, constants_of
-from obsplan.smoothing.elimination import Motion, elimination_of
-from obsplan.smoothing.loss import GEMAN_MCCLURE, loss_of
+from obsplan.smoothing.constants import COMPASS_BIAS, CURRENT, PRIORS, Constants, constants_of
+from obsplan.smoothing.elimination import Motion
+from obsplan.smoothing.loss import GEMAN_MCCLURE, Loss, loss_of
 from obsplan.smoothing.model import Model, apart, joined
 from obsplan.smoothing.rows import Problem, problem_of, usable
 from obsplan.smoothing.solver import UNITS, Solved, Solver
@@ -122,30 +123,51 @@ def smooth(
     ObsplanError
         A name that is unknown, or no first estimate.
     """
-    constants = constants_of(tape, hidden, per_beacon=per_beacon, priors=priors)
     good, words = usable(tape)
-    model = Model(vehicles=scenario.vehicles, constants=constants)
-    problem = problem_of(tape, scenario, model, good)
-    motion, x = _begun(tape, scenario, model, start)
-    # a step counts against these
-    own = [*UNITS, *np.ones(model.own - len(UNITS))]
-    unit = np.array([*own * len(tape.auvs), *constants.sigma])
-    solver = Solver(problem=problem, motion=motion, loss=loss_of(loss, scale), unit=unit)
+    told = partial(constants_of, tape, hidden, priors=priors)
+    built = partial(_solver, tape, scenario, start, good, loss_of(loss, scale))
+    solver = built(told(per_beacon=False))
+    x = solver.reckoned() if start is None else _guess(solver, start)
+    if per_beacon:  # from what fits with constants common to all, or they explain what they are not
+        common, model = solver.search(x)[0].x, solver.problem.model
+        solver = built(told(per_beacon=True))
+        x = _spread(common, model, solver.problem.model)
     solved = solver.solve(x)
     from obsplan.smoothing.mirror import both_sides
 
     solved, sides = both_sides(solver, solved, tape)
-    words += [*sides, *_said(solved, problem, motion)]
-    return _smoothed(tape, constants, problem, solved, good, words)
+    words += [*sides, *_said(solved, solver.problem)]
+    return _smoothed(tape, solver.problem, solved, good, words)
 
 
-def _begun(
+def _solver(
+    tape: Tape,
+    scenario: Scenario,
+    start: Float[np.ndarray, "auvs samples m"] | None,
+    good: Bool[np.ndarray, " n"],
+    loss: Loss,
+    constants: Constants,
+) -> Solver:
+    """The problem of a tape's good measurements."""
+    model = Model(vehicles=scenario.vehicles, constants=constants)
+    motion = _motion(tape, scenario, model, start)
+    own = [*UNITS, *np.ones(model.own - len(UNITS))]
+    return Solver(
+        problem=problem_of(tape, scenario, model, good),
+        motion=motion,
+        loss=loss,
+        unit=np.array([*own * len(tape.auvs), *constants.sigma]),
+        noisy=motion.noisy,
+    )
+
+
+def _motion(
     tape: Tape,
     scenario: Scenario,
     model: Model,
     start: Float[np.ndarray, "auvs samples m"] | None,
-) -> tuple[Motion, Float[np.ndarray, "samples n"]]:
-    """What moves the AUVs, and the trajectory to begin from."""
+) -> Motion:
+    """What moves the AUVs."""
     n, dt = model.own, np.diff(tape.time)
     first = _first_mean(tape, scenario, start, n)
     controls = np.stack([tape.turn, tape.change_of_speed, tape.sway], axis=-1)
@@ -155,17 +177,38 @@ def _begun(
     still = np.zeros(len(model.constants))
     joint = joined(noises, still)
     joint[0, model.of_auvs :] = model.constants.sigma
-    motion = Motion(
+    return Motion(
         first=joined(first[:, None], still)[0],
         controls=controls.swapaxes(0, 1).reshape(dt.size, -1),
         dt=dt,
         noise=joint,
     )
-    if start is None:
-        return motion, elimination_of(model).reckoned(motion)
-    guess = start[:, :, :n].copy()
-    guess[:, 0], guess[:, :, 2] = first, np.unwrap(start[:, :, 2], axis=1)
-    return motion, joined(guess, still)
+
+
+def _guess(
+    solver: Solver, start: Float[np.ndarray, "auvs samples m"]
+) -> Float[np.ndarray, "samples n"]:
+    """A trajectory to begin from, whose headings do not jump by a whole turn."""
+    model = solver.problem.model
+    guess = start[:, :, : model.own].copy()
+    guess[:, :, 2] = np.unwrap(start[:, :, 2], axis=1)
+    x = joined(guess, np.zeros(len(model.constants)))
+    x[0] = solver.motion.first
+    return x
+
+
+def _spread(
+    x: Float[np.ndarray, "samples n"], common: Model, model: Model
+) -> Float[np.ndarray, "samples m"]:
+    """A trajectory with each beacon's constant where the one common to all was."""
+    states, found = apart(x, len(model.vehicles), model.own), x[-1, model.of_auvs :]
+    kinds, seen = common.constants.kinds, model.constants
+    # those that no beacon has are the same, in the same order
+    values = [
+        found[kinds.index(kind) + (of if kind in (CURRENT, COMPASS_BIAS) else 0)]
+        for kind, of in zip(seen.kinds, seen.of, strict=True)
+    ]
+    return joined(states, values)
 
 
 def _walks(scenario: Scenario) -> Float[np.ndarray, "auvs n"]:
@@ -199,7 +242,7 @@ def _first_mean(
     return begun
 
 
-def _said(solved: Solved, problem: Problem, motion: Motion) -> list[str]:
+def _said(solved: Solved, problem: Problem) -> list[str]:
     """What is to be known of a solution."""
     words: list[str] = []
     ranged = problem.rows.sensor < len(problem.sensors) - 1
@@ -218,7 +261,6 @@ def _said(solved: Solved, problem: Problem, motion: Motion) -> list[str]:
 
 def _smoothed(
     tape: Tape,
-    constants: Constants,
     problem: Problem,
     solved: Solved,
     good: np.ndarray,
@@ -236,7 +278,7 @@ def _smoothed(
         mean=apart(solved.x, auvs, model.own),
         covariance=np.stack([solved.covariance[:, at, at] for at in places]),
         hidden=Hidden(
-            constants.names, solved.x[-1, hidden], solved.covariance[-1, hidden, hidden]
+            model.constants.names, solved.x[-1, hidden], solved.covariance[-1, hidden, hidden]
         ),
         weights=weights,
         residuals=residuals,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from obsplan.smoothing.elimination import Elimination, Motion, Policy, elimination_of
+from obsplan.smoothing.elimination import Elimination, Motion, Policies, elimination_of
 from obsplan.smoothing.loss import Loss
 from obsplan.smoothing.rows import Problem, Seen, heading_is
 
@@ -15,6 +15,8 @@ FIRST_DAMPING = 1e-3  # per sample, in squares of those units
 LEAST_DAMPING, MOST_DAMPING = 1e-6, 1e9
 FASTER, SLOWER = 0.1, 10.0
 MOST_STEPS = 200
+PARTS = 6  # 64 bits at most
+LEAST_PART = 50  # samples
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,45 +49,67 @@ class Solver:
     motion: Motion
     loss: Loss
     unit: Float[np.ndarray, " n"]  # of a step
+    noisy: tuple[int, ...]  # components to which any step adds noise
 
     @property
     def elimination(self) -> Elimination:
         """The compiled recursions."""
-        return elimination_of(self.problem.model)
+        return elimination_of(self.problem.model, self.noisy)
 
     def solve(self, x: Float[np.ndarray, "samples n"]) -> Solved:
         """Search from a trajectory."""
+        point, steps, done = self.search(x)
+        policies = self._policies(point, self.loss, 0.0)
+        r = point.seen.residual / point.seen.sigma
+        return Solved(
+            x=point.x,
+            covariance=self.elimination.covariances(point.x, self.motion, policies),
+            cost=self._cost(point, self.loss, point),
+            weights=self._weights(r, self.loss),
+            residual=r,
+            iterations=steps,
+            converged=done,
+        )
+
+    def reckoned(self) -> Float[np.ndarray, "samples n"]:
+        """A trajectory to begin from, where none is given: dead reckoning, prolonged bit by bit.
+
+        Of dead reckoning alone the end may be far off. Each bit is as long as all before it, is
+        reckoned from where they end, and is smoothed with them.
+        """
+        samples = len(self.motion.noise)
+        x = self.elimination.reckoned(self.motion.first, self.motion)
+        for share in range(PARTS, 0, -1):
+            count = samples >> share
+            if count < LEAST_PART:
+                continue
+            x[:count] = self._until(count).search(x[:count])[0].x
+            rest = self.motion.after(count - 1)
+            x[count - 1 :] = self.elimination.reckoned(x[count - 1], rest)
+        return x
+
+    def _until(self, count: int) -> "Solver":
+        """The same of the first samples alone."""
+        problem, motion = self.problem.until(count), self.motion.until(count)
+        return replace(self, problem=problem, motion=motion, noisy=self.noisy)
+
+    def search(self, x: Float[np.ndarray, "samples n"]) -> tuple[Point, int, bool]:
+        """Where a search ends, after how many steps, and whether it came to rest."""
         point = self._at(x, np.inf)
         loss = self.loss.convex(self._gross(point))
         damping, done, steps = 0.0, False, 0
         while steps < MOST_STEPS and not done and damping < MOST_DAMPING:
             steps += 1
-            policy = self._policy(point, loss, damping)
-            trial = self._follow(point, policy)
+            trial = self._follow(point, self._policies(point, loss, damping))
             worse = self._cost(trial, loss, point) > self._cost(point, loss, point)
             small = self._step(point.x, trial.x) < TOLERANCE
             if worse and not small:
                 damping = max(FIRST_DAMPING, damping * SLOWER)
                 continue
-            # the loss is lowered once the trajectory is one that the vehicles could have moved on
             done = small and loss.convexity == 1.0 and damping == 0.0
             damping = damping * FASTER if damping > LEAST_DAMPING else 0.0
             point, loss = trial, loss.steeper
-        return self._solved(point, steps, converged=done)
-
-    def _solved(self, point: Point, steps: int, *, converged: bool) -> Solved:
-        """The end, with its covariances."""
-        policy = self._policy(point, self.loss, 0.0)
-        r = point.seen.residual / point.seen.sigma
-        return Solved(
-            x=point.x,
-            covariance=self.elimination.covariances(point.x, self.motion, policy),
-            cost=self._cost(point, self.loss, point),
-            weights=self._weights(r, self.loss),
-            residual=r,
-            iterations=steps,
-            converged=converged,
-        )
+        return point, steps, done
 
     def ranges_left(
         self, x: Float[np.ndarray, "samples n"], auv: int
@@ -97,17 +121,16 @@ class Solver:
     def _at(self, x: Float[np.ndarray, "samples n"], noise_cost: float) -> Point:
         return Point(x=x, noise_cost=noise_cost, seen=self.problem.seen(x))
 
-    def _policy(self, point: Point, loss: Loss, damping: float) -> Policy:
+    def _policies(self, point: Point, loss: Loss, damping: float) -> Policies:
         """The best noise about a trajectory, damped towards it."""
         weights = self._weights(point.seen.residual / point.seen.sigma, loss)
         information, vector = self.problem.normal(point.seen, weights)
         information = information + damping * np.diag(self.unit**-2.0)
-        return self.elimination.policy(point.x, self.motion, information, vector)
+        return self.elimination.policies(point.x, self.motion, information, vector)
 
-    def _follow(self, point: Point, policy: Policy) -> Point:
+    def _follow(self, point: Point, policies: Policies) -> Point:
         """The trajectory that follows it."""
-        x, noise = self.elimination.trajectory(point.x, self.motion, policy)
-        return self._at(x, 0.5 * float(np.sum(noise**2)))
+        return self._at(*self.elimination.trajectory(point.x, self.motion, policies))
 
     def _cost(self, point: Point, loss: Loss, deviations: Point) -> float:
         """Sum of losses, by the deviations that another trajectory has."""
