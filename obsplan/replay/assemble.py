@@ -16,6 +16,7 @@ from obsplan.replay.compass import with_headings
 from obsplan.replay.conventions import Heard, Reckoned
 from obsplan.replay.log import EPOCH, Fixes, Log
 from obsplan.replay.merge import Candidates, Course, Frame, Held, courses, sort_ranges, to_tape
+from obsplan.replay.motion import flat
 from obsplan.replay.recorded import Recording
 from obsplan.scenario import Scenario
 from obsplan.scenario.states import first_covariance
@@ -69,8 +70,10 @@ def assemble(log: Log) -> Recording:
         notes=tuple(log.notes),
         discarded=tuple(discarded),
         start=_date(frame.start),
+        source=table.source,
         licence=table.licence,
         attribution=table.attribution,
+        citation=table.citation,
     )
 
 
@@ -112,10 +115,11 @@ class Merged:
         truth = self.truths.get(course.name)
         time = course.reckoned.time
         places = first.placed(course.reckoned.place @ [1, 1j])
-        track = np.column_stack([places.real, places.imag])
+        track = flat(places)
         if truth is not None and truth.time.size > 1:
             time, track = truth.time, truth.place
-        if "process_noise" not in told_of(log, course.name, j):
+        told = told_of(log, course.name, j), log.settings.scenario.get("estimator", {})
+        if not any("process_noise" in table for table in told):
             said = ", ".join(f"{key} {value:g}" for key, value in NOISE.items())
             log.note(f'process noise of "{course.name}" is not told: {said} per root second')
         # the tape's first heading is that of the first displacement

@@ -1,13 +1,16 @@
 """Whether a recording's headings look half a turn, a quarter or a mirror off."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float
 
+# dead reckoning turns with time: only the first part says how headings are meant
 WINDOWS = 100  # displacements that are compared with the truth's
-MOST_RANGES = 300  # that a dead-reckoned track is fitted to
+PART = 4  # of the recording, one in so many
+MOST_RANGES = 300  # the first, that a dead-reckoned track is fitted to
+EXPLAINED = 0.25  # misfit to the truth's displacements, in squares, that a convention has at most
 FEWEST = 8
 BETTER = 0.5  # of the misfit: what another convention has to leave at most
 DOUBTFUL = 2.0  # standard deviations of the ranges, by which the track as it is has to miss
@@ -66,7 +69,8 @@ def against_truth(track: Reckoned, truth: Float[np.ndarray, "samples n"]) -> str
     known = np.flatnonzero(np.isfinite(truth[:, :2]).all(axis=1))
     if known.size < FEWEST:
         return ""
-    some = known[np.unique(np.linspace(0, known.size - 1, WINDOWS + 1).astype(int))]
+    last = max(known.size // PART, FEWEST) - 1
+    some = known[np.unique(np.linspace(0, last, WINDOWS + 1).astype(int))]
     true = np.diff(truth[some, 0] + 1j * truth[some, 1])
     moved = np.diff(track.place[some])
     if np.abs(true).sum() < LEAST or np.abs(moved).sum() < LEAST:
@@ -77,7 +81,7 @@ def against_truth(track: Reckoned, truth: Float[np.ndarray, "samples n"]) -> str
         return float((np.abs(off) ** 2).sum() / (np.abs(true) ** 2).sum())
 
     best, least = _best(misfit)
-    if least > min(BETTER * misfit(AS_IS), BETTER):
+    if least > min(BETTER * misfit(AS_IS), EXPLAINED):
         return ""
     return (
         f'headings of "{track.name}" look {best.words}: so they differ from the directions of the '
@@ -102,7 +106,7 @@ def against_ranges(track: Reckoned, heard: Heard, first: complex, spread: float)
     """
     if heard.value.size < FEWEST or np.abs(np.diff(track.place)).sum() < LEAST:
         return ""
-    some = np.unique(np.linspace(0, heard.value.size - 1, MOST_RANGES).astype(int))
+    some = slice(MOST_RANGES)
     heard = Heard(heard.sample[some], heard.beacon[some], heard.value[some], heard.sigma)
 
     def misfit(convention: Convention) -> float:
@@ -119,10 +123,9 @@ def against_ranges(track: Reckoned, heard: Heard, first: complex, spread: float)
     )
 
 
-def _best(misfit: object) -> tuple[Convention, float]:
+def _best(misfit: Callable[[Convention], float]) -> tuple[Convention, float]:
     """The convention of least misfit."""
-    assert callable(misfit)
-    found = [float(misfit(convention)) for convention in CONVENTIONS]
+    found = [misfit(convention) for convention in CONVENTIONS]
     at = int(np.argmin(found))
     return CONVENTIONS[at], found[at]
 

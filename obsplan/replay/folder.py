@@ -1,6 +1,6 @@
 """A folder of CSV tables, one for each kind of row, and ``recording.toml``."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -228,9 +228,9 @@ def _sorted_rows(
     return time[last], rows[last]
 
 
-def _timed(log: Log, path: Path, *needs: object) -> Table:
+def _timed(log: Log, path: Path, *needs: Sequence[str]) -> Table:
     """A table with times and some columns."""
-    table = Table(path, [time_names("time", "timestamp"), *needs])  # pyright: ignore
+    table = Table(path, [time_names("time", "timestamp"), *needs])
     _tell(log, table)
     return table
 
@@ -255,7 +255,8 @@ def _places(table: Table) -> tuple[Float[np.ndarray, "n 2"], bool, tuple[str, st
     place = np.column_stack([table.numbers(name, DEGREES) for name in used])
     for i in np.flatnonzero(np.isfinite(place).all(axis=1)):
         where = table.place(int(i), "lat_deg")
-        place[i] = check_latlon(*place[i].tolist(), where, "exchange the headings of the columns")
+        lat, lon = place[i].tolist()
+        place[i] = check_latlon(lat, lon, where, "exchange the headings of the columns")
     return place, True, used
 
 
@@ -314,6 +315,3 @@ def _only(log: Log) -> str:
 def _of(path: Path, name: str) -> str:
     """A table's rows of one vehicle, to begin a sentence with."""
     return path.name if name == ONLY else f'{path.name}, vehicle "{name}"'
-
-
-Reader = Callable[[Log, Path], None]

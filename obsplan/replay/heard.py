@@ -145,7 +145,9 @@ def _read_px4(log: Log, table: Table) -> None:
     for sender in dict.fromkeys(senders):
         rows = np.flatnonzero(np.array(senders) == sender)
         where = table.place(int(rows[0]), "lat")
-        at = np.array([check_latlon(*row.tolist(), where, "lat, lon") for row in place[rows]])
+        at = np.array(
+            [check_latlon(lat, lon, where, "lat, lon") for lat, lon in place[rows].tolist()]
+        )
         log.beacons[sender] = _track(received[rows], at)
 
 

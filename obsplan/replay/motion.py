@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from obsplan.replay.log import Log, Motion, counted
 
@@ -27,8 +27,7 @@ def increments(
         return None
     time, steps = _joined(log, where, time, steps)
     elapsed = np.diff(time, prepend=time[0])
-    lost = np.isnan(steps).any(axis=1)
-    lost[0] = False
+    lost = np.isnan(steps).any(axis=1) & (np.arange(time.size) > 0)
     if lost.any():
         log.note(f"{where}: {counted(int(lost.sum()), 'row')} without numbers moves on as others")
         known = ~lost & (elapsed > 0)
@@ -40,7 +39,8 @@ def increments(
         log.note(f"{where}: the first row has no row before it, its increments are passed over")
     steps[0] = 0.0
     _tell_gaps(log, where, time)
-    return Motion(time, *steps.T, share)
+    forward, left, turn = steps.T
+    return Motion(time, forward, left, turn, share)
 
 
 def speeds(
@@ -141,6 +141,11 @@ def _tell_gaps(log: Log, where: str, time: Float[np.ndarray, " n"]) -> None:
         )
 
 
+def flat(places: Complex[np.ndarray, " n"]) -> Float[np.ndarray, "n 2"]:
+    """East and north [m] of east + i north."""
+    return np.column_stack([np.real(places), np.imag(places)])
+
+
 class Steps(NamedTuple):
     """Motion between samples, as a tape has it, and what headings are at them."""
 
@@ -165,7 +170,7 @@ class DeadReckoned:
         along = heading[:-1] + motion.share * motion.turn[1:]
         ahead = motion.forward[1:] + 1j * motion.left[1:]
         place = np.append(0.0, np.cumsum(ahead * np.exp(1j * along)))
-        return cls(motion.time, heading, np.column_stack([place.real, place.imag]), along)
+        return cls(motion.time, heading, flat(place), along)
 
     def heading_at(self, time: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
         """Heading [rad] that the vehicle has, turning evenly between rows."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -199,11 +200,12 @@ def _add_first_estimate(
         first["sigma_position"] = math.sqrt(max(prior[3], prior[5], prior[6], 0.0))
         first["sigma_heading_deg"] = min(math.degrees(math.sqrt(max(prior[8], 0.0))), 360.0)
     auvs = log.settings.scenario.setdefault("auv", [])
-    known = next((auv for auv in auvs if auv.get("name") == vehicle), None)
+    known: dict[str, Any] | None = next((a for a in auvs if a.get("name") == vehicle), None)
     if known is None:
         known = {"name": vehicle}
         auvs.append(known)
-    known["first_estimate"] = first | known.get("first_estimate", {})
+    told = known.get("first_estimate", {})
+    known["first_estimate"] = {**first, **told}
 
 
 def _add_ranges(log: Log, graph: Graph, times: dict[str, float]) -> None:

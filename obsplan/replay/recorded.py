@@ -23,8 +23,10 @@ class Recording:
     notes: tuple[str, ...] = ()
     discarded: tuple[Discarded, ...] = ()  # ranges that are not on the tape, and why
     start: datetime.datetime | None = None  # time 0, where it is known [UTC]
-    licence: str = ""  # of the data
-    attribution: str = ""
+    source: str = ""  # where the data are from
+    licence: str = ""  # of them
+    attribution: str = ""  # whom they are from
+    citation: str = ""
 
     def __repr__(self) -> str:
         count = self.tape.measurements.value.size

@@ -35,8 +35,10 @@ class Topics(Table):
 class RecordingTable(Table):
     """Keys of a recording besides those of its scenario."""
 
+    source: str = Field(default="", description="where the data are from")
     licence: str = Field(default="", description="of the data")
     attribution: str = Field(default="", description="whom the data are from")
+    citation: str = Field(default="", description="what to cite for them")
     sound_speed: Annotated[float | None, SOUND_SPEED] = Field(
         default=None, description="by which times are made distances [m/s]; default: 1500"
     )
