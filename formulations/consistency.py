@@ -141,9 +141,10 @@ def runs_of_signs(values: Float[np.ndarray, " n"]) -> Runs:
     .. math:: \mu = 1 + \frac{2 n_+ n_-}{n}, \quad
               \sigma^2 = \frac{2 n_+ n_- (2 n_+ n_- - n)}{n^2 (n - 1)},
 
-    and is about normal from ten of each sign on. A bias, or an error that lasts, makes runs long
-    and few: z is negative. It is a test of whiteness as in Bar-Shalom, Li & Kirubarajan (2001),
-    5.4.2, that needs no variance.
+    and is about normal from ten of each sign on. An error that lasts for a while makes runs long
+    and few: z is negative. It is a test of whiteness, as is that of Bar-Shalom, Li & Kirubarajan
+    (2001), 5.4.2, and needs no variance. A constant bias changes how many signs there are of each
+    kind, not their order: the mean NIS tells it, this test does not.
 
     Values that are nan, where nothing was measured, or exactly 0 have no sign and are left out.
     Where every order has as many runs z is nan: of two different signs, where p is 1, and of signs

@@ -177,3 +177,13 @@ def test_no_signs_say_nothing(values):
     none = runs_of_signs(np.array(values, dtype=float))
     assert none[:3] == (0, 0, 0)
     assert np.isnan([none.z, none.p]).all()
+
+
+def test_a_constant_bias_is_left_to_the_mean_nis():
+    """It makes one sign frequent, in an order by chance all the same."""
+    rng = np.random.default_rng(6)
+    biased = 1.0 + rng.standard_normal((1000, 200))
+    odd = np.array([runs_of_signs(series).p < 0.05 for series in biased])
+    assert np.mean(odd) == pytest.approx(0.05, abs=0.035)
+    _, high = mean_interval(200, degrees=1)
+    assert (np.mean(biased**2, axis=1) > high).all()
