@@ -20,7 +20,7 @@ from obsplan.fates import Fate
 from obsplan.sensors import BEACON, Sensor
 
 # ranges rejected in a row after which the next is believed, and the estimate doubted
-PATIENCE = 4
+PATIENCE = 2
 # the likelihood falls no further than at so many standard deviations: one false range outweighs
 # no hypothesis for good
 FAR = 4.0

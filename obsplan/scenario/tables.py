@@ -179,7 +179,7 @@ class EstimatorTable(Table):
     )
     states: HiddenTable = HiddenTable()
     gate: Annotated[float, GATE] = Field(
-        default=5.0,
+        default=4.0,
         description="ranges are rejected that differ from what is expected by more standard "
         "deviations; 0: none is",
     )
