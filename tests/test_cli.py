@@ -123,7 +123,9 @@ def test_run_whose_path_cannot_be_exported_is_written_all_the_same_and_says_why(
 
     monkeypatch.chdir(small)
     monkeypatch.setattr("obsplan.report.export.make_exports", fail)
-    monkeypatch.setattr("sys.argv", ["obsplan", "run", "small.toml", "--no-bound"])
+    monkeypatch.setattr(
+        "sys.argv", ["obsplan", "run", "small.toml", "--planner", "stationary", "--no-bound"]
+    )
     with pytest.raises(ends_with) as ended:
         main()
     made = {path.name for path in (small / "scenario").iterdir()}
