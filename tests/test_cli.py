@@ -14,6 +14,9 @@ from pathlib import Path
 
 import pytest
 
+from obsplan.cli import main
+from obsplan.types import ObsplanError
+
 PROGRAM = [sys.executable, "-m", "obsplan"]
 SMALL = """
 origin = { lat = 47.6, lon = -122.3 }
@@ -104,6 +107,39 @@ def test_summary_agrees_with_tracks(small):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("fault", "ends_with"),
+    [
+        (ObsplanError("the path is too long: allow more"), SystemExit),
+        (ZeroDivisionError("division by zero"), SystemExit),
+        (TypeError("a fault of ours"), TypeError),
+    ],
+)
+def test_run_whose_path_cannot_be_exported_is_written_all_the_same_and_says_why(
+    small, monkeypatch, capsys, fault, ends_with
+):
+    def fail(*_, **__):
+        raise fault
+
+    monkeypatch.chdir(small)
+    monkeypatch.setattr("obsplan.report.export.make_exports", fail)
+    monkeypatch.setattr(
+        "sys.argv", ["obsplan", "run", "small.toml", "--planner", "stationary", "--no-bound"]
+    )
+    with pytest.raises(ends_with) as ended:
+        main()
+    made = {path.name for path in (small / "scenario").iterdir()}
+    paths = {name for name in FILES if name.startswith("path.")}
+    assert FILES - paths <= made
+    assert not made & paths
+    if ends_with is SystemExit:
+        assert ended.value.code == 2
+        said = capsys.readouterr().err.splitlines()[-1]
+        assert said.startswith("obsplan: no path to load can be made of the mission: ")
+        assert str(fault) in said
+        assert said.endswith("; all else was written to scenario")
+
+
 def test_bound_is_left_out_if_asked_to_and_that_is_said(small):
     said = "No bound over all paths was asked for"
     done = obsplan("run", "small.toml", "--no-bound", "--out", "a", cwd=small)

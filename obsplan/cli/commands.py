@@ -1,5 +1,6 @@
 """Commands on one survey: fly it, compare planners on it, make it; and lists of what there is."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -21,11 +22,12 @@ from obsplan.cli.arguments import (
 )
 from obsplan.cli.campaigns import compare_suite
 from obsplan.cli.progress import Advance, progress
-from obsplan.cli.stopping import WRITTEN, keeping
+from obsplan.cli.stopping import WRITTEN, is_stop, keeping
 from obsplan.cli.terminal import put, say, say_next, say_written, show
 from obsplan.quantities import RUNS, SEED
 
 if TYPE_CHECKING:
+    from obsplan.report.export import Export
     from obsplan.run import Run
     from obsplan.scenario import Scenario
 
@@ -45,7 +47,6 @@ def run(
         free_folder,
         hearing_notes,
         limit_notes,
-        make_exports,
         path_names,
         planner_notes,
         run_table,
@@ -67,7 +68,7 @@ def run(
         with progress(f"{name}, certified bound") as advance:
             flown = certified(flown, advance)
     with progress(f"{name}, path as loaded") as advance:
-        exports = make_exports(flown, progress=advance)
+        exports, fault = exported(flown, advance)
     folder = write_free(out, name, lambda folder: write_run(flown, folder, exports))
     with keeping(folder, WRITTEN):
         show(run_table(flown))
@@ -83,6 +84,8 @@ def run(
             say(sentence)
         paths = [name for export in exports for name in path_names(export).values()]
         say_written(folder, ", ".join(["map.png", "errors.png", *paths, "tracks.csv and more"]))
+    if fault is not None:
+        raise without_paths(fault, folder)
 
 
 def compare(
@@ -171,6 +174,30 @@ def certified(flown: "Run", advance: Advance) -> "Run":
         say(f"The bound over all paths is left out: {uncomputable(error)}.")
         return replace(flown, bounded=False)
     return flown
+
+
+def exported(flown: "Run", advance: Advance) -> "tuple[Sequence[Export], Exception | None]":
+    """The missions to load; without them, and why, where making them fails."""
+    from obsplan.report import make_exports
+
+    try:
+        return make_exports(flown, progress=advance), None
+    except Exception as error:  # whatever it is, what was flown is written first
+        if is_stop(error):
+            raise
+        return (), error
+
+
+def without_paths(fault: Exception, folder: Path) -> Exception:
+    """What to raise of a run without missions to load; a fault of ours as it is, to be mended."""
+    from obsplan.types import UNCOMPUTABLE, ObsplanError, uncomputable
+
+    if not isinstance(fault, (ObsplanError, *UNCOMPUTABLE)):
+        return fault
+    why = str(fault) if isinstance(fault, ObsplanError) else uncomputable(fault)
+    return ObsplanError(
+        f"no path to load can be made of the mission: {why}; all else was written to {folder}"
+    )
 
 
 def tell_half(advance: Advance, before: float, total: int, done: float, steps: int) -> None:

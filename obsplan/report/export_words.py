@@ -22,6 +22,8 @@ WITHOUT_LIMITS = {"waypoints", "gpx", "csv"}  # formats that hold no areas
 
 def exports_sentences(exports: Sequence[Export]) -> list[str]:
     """`export_sentences` of all aid vehicles; what their paths cost together is said once."""
+    if not exports:
+        return []
     if len(exports) == 1:
         return export_sentences(exports[0])
     said = []

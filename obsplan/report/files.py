@@ -99,7 +99,7 @@ class FolderExistsError(ObsplanError):
 def write_run(
     run: Run,
     folder: Path | str,
-    exports: Sequence[Export] = (),
+    exports: Sequence[Export] | None = None,
     *,
     hindsight: dict[str, Any] | None = None,
 ) -> None:
@@ -113,7 +113,8 @@ def write_run(
     Parameters
     ----------
     exports
-        The missions made of the run, if they have been made already (`make_exports`).
+        The missions made of the run, if they have been made already (`make_exports`); empty where
+        they could not be made, and no file of them is written.
     hindsight
         What the recorded path was worth (`Hindsight.summary`), for ``summary.json``.
 
@@ -130,8 +131,9 @@ def write_run(
     from obsplan.report.style import png
 
     summary = summary_of(run)
-    if not run.is_replay:  # what was sailed is not sailed again
-        exports = exports or make_exports(run)
+    if exports is None:  # what was sailed is not sailed again
+        exports = () if run.is_replay else make_exports(run)
+    if exports:
         summary["export"] = summaries(exports)
     if hindsight is not None:
         summary["hindsight"] = hindsight
