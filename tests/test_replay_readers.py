@@ -160,6 +160,8 @@ def test_a_beacon_that_moves_is_an_aid_vehicle_and_comes_before_those_that_do_no
     assert recording.tape.beacons == ("boat", "moored")
     carriers = [beacon.carrier for beacon in recording.scenario.beacons]
     assert carriers == [0, None]
+    assert [beacon.name for beacon in recording.scenario.beacons] == ["boat", "moored"]
+    assert recording.scenario.situation.ranged
     assert recording.scenario.cna.speed == pytest.approx(2.0)
     np.testing.assert_allclose(recording.tape.pose[0, -1], [200.0, 100.0, 0.0])
 

@@ -193,13 +193,16 @@ def _ranging(
 
 
 def _aids(log: Log, beacons: dict[str, Fixes], duration: float) -> dict[str, Any]:
-    """Beacons that move as aid vehicles, the others as moored."""
-    moored = [
-        {"name": name, **_place(fixes), "depth": float(fixes.depth[0])}
-        for name, fixes in beacons.items()
-        if fixes.fixed
-    ]
-    aids = [_aid(fixes, duration) for fixes in beacons.values() if not fixes.fixed]
+    """Beacons that move as transducers of aid vehicles, which keeps their names, others moored."""
+    aids, transducers = [], []
+    for name, fixes in beacons.items():
+        beacon: dict[str, Any] = {"name": name, "depth": float(fixes.depth.mean())}
+        if fixes.fixed:
+            beacon["x"], beacon["y"] = fixes.place[0].tolist()
+        else:
+            beacon["on"] = len(aids)
+            aids.append(_aid(fixes, duration))
+        transducers.append(beacon)
     if aids:
         if "cna" not in log.settings.scenario:
             log.note(
@@ -208,17 +211,13 @@ def _aids(log: Log, beacons: dict[str, Fixes], duration: float) -> dict[str, Any
             )
     else:
         # no scenario is without an aid vehicle; nobody ranges to this one
-        aids = [_idle(moored[0])]
+        aids = [_idle(transducers[0])]
         log.note("no beacon moves: an aid vehicle that nobody ranges to lies at the first")
-    return {"cna": aids[0] if len(aids) == 1 else aids, "beacon": moored}
-
-
-def _place(fixes: Fixes) -> dict[str, float]:
-    return {"x": float(fixes.place[0, 0]), "y": float(fixes.place[0, 1])}
+    return {"cna": aids[0] if len(aids) == 1 else aids, "beacon": transducers}
 
 
 def _aid(fixes: Fixes, duration: float) -> dict[str, Any]:
-    """An aid vehicle that was where a beacon was."""
+    """An aid vehicle that was where a beacon was, whose own transducer is that beacon."""
     x, y, heading = pose(fixes, np.zeros(1))[0].tolist()
     during = (fixes.time >= 0) & (fixes.time <= duration)
     speeds = speed_of(fixes)[during] if fixes.time.size > 1 else np.zeros(0)
@@ -228,7 +227,7 @@ def _aid(fixes: Fixes, duration: float) -> dict[str, Any]:
         "speed": float(np.clip(usual, 0.1, VESSEL_SPEED.greatest)),
         "min_turn_radius": TURN_RADIUS,
         "start": start,
-        "transducer_depth": float(fixes.depth.mean()),
+        "ranged": False,
     }
 
 
