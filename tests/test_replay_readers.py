@@ -324,6 +324,19 @@ def test_headings_that_look_wrong_are_said(tmp_path, truth, heading, turn, words
     assert words in "".join(said)
 
 
+@pytest.mark.parametrize("truth", [True, False])
+def test_the_survey_is_the_track_at_its_speeds(tmp_path, truth):
+    circling(tmp_path, duration=400.0, truth=truth)  # three times round
+    recording = read(tmp_path)
+    reference = recording.scenario.references[0]
+    assert len(reference.polyline) < 80
+    assert reference.duration == pytest.approx(400.0, abs=1e-6)
+    at = np.arange(0.0, 400.0)
+    off = reference.position(at) - circle(at)[:, :2]
+    # half a percent of the extent beside the track, and chords are slower than arcs by little
+    assert np.hypot(*off.T).max() < 0.02 * 2 * RADIUS
+
+
 def test_without_a_first_estimate_the_ranges_say_where_to_begin(tmp_path):
     circling(tmp_path, toml="")
     recording = read(tmp_path)

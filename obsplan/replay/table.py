@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from obsplan.missions.mission import read_number
-from obsplan.missions.source import read_loose_text
+from obsplan.missions.source import MOST_BYTES, read_loose_text
 from obsplan.missions.tables.cells import pointed
 from obsplan.missions.tables.rows import read_rows
 from obsplan.missions.timing import seconds_of
@@ -37,6 +37,11 @@ class Table:
             No such file, no such columns, or too many rows; names the file and the remedy.
         """
         self.path = path
+        if path.is_file() and path.stat().st_size > MOST_BYTES:
+            raise ObsplanError(
+                f"{path} is larger than {MOST_BYTES / 1e6:.0f} MB: thin it out, or split the "
+                "recording by time"
+            )
         text, self.remarks = read_loose_text(path)
         known = {name for names in needs for name in names}
         asked = " and ".join(_alternatives(names) for names in needs)
