@@ -329,7 +329,8 @@ def test_the_survey_is_the_track_at_its_speeds(tmp_path, truth):
     circling(tmp_path, duration=400.0, truth=truth)  # three times round
     recording = read(tmp_path)
     reference = recording.scenario.references[0]
-    assert len(reference.polyline) < 80
+    # chords that are 0.42 m off turn by 0.34 rad each; the thinning may take twice as many
+    assert len(reference.polyline) <= 2 * 20.0 / 0.34
     assert reference.duration == pytest.approx(400.0, abs=1e-6)
     at = np.arange(0.0, 400.0)
     off = reference.position(at) - circle(at)[:, :2]
