@@ -160,6 +160,8 @@ def test_a_beacon_that_moves_is_an_aid_vehicle_and_comes_before_those_that_do_no
     assert recording.tape.beacons == ("boat", "moored")
     carriers = [beacon.carrier for beacon in recording.scenario.beacons]
     assert carriers == [0, None]
+    assert [beacon.name for beacon in recording.scenario.beacons] == ["boat", "moored"]
+    assert recording.scenario.situation.ranged
     assert recording.scenario.cna.speed == pytest.approx(2.0)
     np.testing.assert_allclose(recording.tape.pose[0, -1], [200.0, 100.0, 0.0])
 
@@ -320,6 +322,20 @@ def test_headings_that_look_wrong_are_said(tmp_path, truth, heading, turn, words
     said = [note for note in read(tmp_path).notes if note.startswith("headings of")]
     assert len(said) == bool(words)
     assert words in "".join(said)
+
+
+@pytest.mark.parametrize("truth", [True, False])
+def test_the_survey_is_the_track_at_its_speeds(tmp_path, truth):
+    circling(tmp_path, duration=400.0, truth=truth)  # three times round
+    recording = read(tmp_path)
+    reference = recording.scenario.references[0]
+    # chords that are 0.42 m off turn by 0.34 rad each; the thinning may take twice as many
+    assert len(reference.polyline) <= 2 * 20.0 / 0.34
+    assert reference.duration == pytest.approx(400.0, abs=1e-6)
+    at = np.arange(0.0, 400.0)
+    off = reference.position(at) - circle(at)[:, :2]
+    # half a percent of the extent beside the track, and chords are slower than arcs by little
+    assert np.hypot(*off.T).max() < 0.02 * 2 * RADIUS
 
 
 def test_without_a_first_estimate_the_ranges_say_where_to_begin(tmp_path):

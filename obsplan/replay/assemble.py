@@ -53,7 +53,7 @@ def assemble(log: Log) -> Recording:
     _check_places(log, {**beacons, **truths})
     auvs = courses(log, frame)
     _check_names(log, "auv", [course.name for course in auvs])
-    _check_names(log, "beacon", [name for name, fixes in beacons.items() if fixes.fixed])
+    _check_names(log, "beacon", [*beacons])
     step, grid = _grid(log, auvs)
     auvs = tuple(replace(course, end=min(course.end, float(grid[-1]))) for course in auvs)
     rows, discarded = sort_ranges(log, frame, auvs, beacons)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Complex, Float, Integer
 
 from obsplan.quantities import AUV_SPEED, DISTANCE, INTERVAL, VESSEL_SPEED
 from obsplan.replay.compass import first_heading
@@ -18,7 +18,7 @@ HEADING_SIGMA = 2.0  # of compasses, where none is told [deg]
 NOISE = {"position": 0.05, "heading_deg": 0.1, "speed": 0.01}  # where none is told
 FIRST_SPEED_SIGMA = 0.1  # [m/s]; speeds are measured
 UNKNOWN_HEADING = 104.0  # standard deviation of any heading [deg]
-MOST_WAYPOINTS = 300
+MOST_POINTS, MOST_WAYPOINTS = 20_000, 2000  # of a track, and of a survey that it is taken for
 THIN = 0.005  # of the survey's extent, a waypoint that is left out is nearer than that
 TURN_RADIUS = 10.0  # of aid vehicles, of which none is recorded [m]
 STILL = 0.05  # [m]; a vehicle that moves less stays where it is
@@ -193,13 +193,16 @@ def _ranging(
 
 
 def _aids(log: Log, beacons: dict[str, Fixes], duration: float) -> dict[str, Any]:
-    """Beacons that move as aid vehicles, the others as moored."""
-    moored = [
-        {"name": name, **_place(fixes), "depth": float(fixes.depth[0])}
-        for name, fixes in beacons.items()
-        if fixes.fixed
-    ]
-    aids = [_aid(fixes, duration) for fixes in beacons.values() if not fixes.fixed]
+    """Beacons that move as transducers of aid vehicles, which keeps their names, others moored."""
+    aids, transducers = [], []
+    for name, fixes in beacons.items():
+        beacon: dict[str, Any] = {"name": name, "depth": float(fixes.depth.mean())}
+        if fixes.fixed:
+            beacon["x"], beacon["y"] = fixes.place[0].tolist()
+        else:
+            beacon["on"] = len(aids)
+            aids.append(_aid(fixes, duration))
+        transducers.append(beacon)
     if aids:
         if "cna" not in log.settings.scenario:
             log.note(
@@ -208,17 +211,13 @@ def _aids(log: Log, beacons: dict[str, Fixes], duration: float) -> dict[str, Any
             )
     else:
         # no scenario is without an aid vehicle; nobody ranges to this one
-        aids = [_idle(moored[0])]
+        aids = [_idle(transducers[0])]
         log.note("no beacon moves: an aid vehicle that nobody ranges to lies at the first")
-    return {"cna": aids[0] if len(aids) == 1 else aids, "beacon": moored}
-
-
-def _place(fixes: Fixes) -> dict[str, float]:
-    return {"x": float(fixes.place[0, 0]), "y": float(fixes.place[0, 1])}
+    return {"cna": aids[0] if len(aids) == 1 else aids, "beacon": transducers}
 
 
 def _aid(fixes: Fixes, duration: float) -> dict[str, Any]:
-    """An aid vehicle that was where a beacon was."""
+    """An aid vehicle that was where a beacon was, whose own transducer is that beacon."""
     x, y, heading = pose(fixes, np.zeros(1))[0].tolist()
     during = (fixes.time >= 0) & (fixes.time <= duration)
     speeds = speed_of(fixes)[during] if fixes.time.size > 1 else np.zeros(0)
@@ -228,7 +227,7 @@ def _aid(fixes: Fixes, duration: float) -> dict[str, Any]:
         "speed": float(np.clip(usual, 0.1, VESSEL_SPEED.greatest)),
         "min_turn_radius": TURN_RADIUS,
         "start": start,
-        "transducer_depth": float(fixes.depth.mean()),
+        "ranged": False,
     }
 
 
@@ -241,8 +240,8 @@ def _idle(beacon: dict[str, Any]) -> dict[str, Any]:
 def as_survey(time: Float[np.ndarray, " n"], track: Float[np.ndarray, "n 2"]) -> dict[str, Any]:
     """A track as the survey it was: the fewest points near it, and the speed from each to the next.
 
-    Points that are left out are within `THIN` of the extent of a leg; legs slower than any survey
-    are at the least speed.
+    Points that are left out are within `THIN` of the extent of a leg, unless there are too many;
+    legs slower than any survey are at the least speed.
     """
     from shapely import LineString
 
@@ -250,31 +249,44 @@ def as_survey(time: Float[np.ndarray, " n"], track: Float[np.ndarray, "n 2"]) ->
     if extent < STILL:
         x, y = track[0].tolist()
         return {"survey": {"kind": "static", "x": x, "y": y}}
-    tolerance = THIN * extent
-    line = LineString(track)
-    chosen = _indices(track, line.simplify(tolerance, preserve_topology=False))
-    while chosen.size > MOST_WAYPOINTS:
-        tolerance *= 1.5
-        chosen = _indices(track, line.simplify(tolerance, preserve_topology=False))
+    some = _evenly(time.size, MOST_POINTS)
+    time, track = time[some], track[some]
+    simpler = LineString(track).simplify(THIN * extent, preserve_topology=False)
+    chosen = _indices(track, np.array(simpler.coords))
+    chosen = _apart(track, chosen[_evenly(chosen.size, MOST_WAYPOINTS)])
     points, at = track[chosen], time[chosen]
     legs = np.hypot(*np.diff(points, axis=0).T)
     speeds = np.clip(legs / np.diff(at), 2 * SLOWEST, AUV_SPEED.greatest)
     return {"survey": {"kind": "waypoints", "points": points.tolist(), "speeds": speeds.tolist()}}
 
 
-def _indices(track: Float[np.ndarray, "n 2"], simpler: Any) -> np.ndarray:
-    """Numbers of the points of a track that a simpler line has, points at one place left out."""
-    chosen, i = [0], 0
-    for point in np.array(simpler.coords)[1:]:
-        same = np.flatnonzero((track[i + 1 :] == point).all(axis=1))
-        if not same.size:
-            break
-        i += 1 + int(same[0])
-        if np.hypot(*(track[i] - track[chosen[-1]])) > STILL:
-            chosen.append(i)
-    if len(chosen) < 2:
-        chosen.append(int(np.hypot(*(track - track[0]).T).argmax()))
+def _evenly(count: int, most: int) -> Integer[np.ndarray, " n"]:
+    """As many numbers from 0 to the last, evenly; all of them if there are no more."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
+
+
+def _indices(
+    track: Float[np.ndarray, "n 2"], simpler: Float[np.ndarray, "k 2"]
+) -> Integer[np.ndarray, " m"]:
+    """Numbers of the points of a track that a simpler line has."""
+    chosen = [0]
+    for point in simpler[1:]:
+        after = chosen[-1] + 1
+        chosen.append(after + int((track[after:] == point).all(axis=1).argmax()))
     return np.array(chosen)
+
+
+def _apart(
+    track: Float[np.ndarray, "n 2"], chosen: Integer[np.ndarray, " k"]
+) -> Integer[np.ndarray, " m"]:
+    """Those of the chosen points that are not at the place of the one before; at least two."""
+    kept = [0]
+    for i in chosen[1:].tolist():
+        if np.hypot(*(track[i] - track[kept[-1]])) > STILL:
+            kept.append(i)
+    if len(kept) < 2:
+        kept.append(int(np.hypot(*(track - track[0]).T).argmax()))
+    return np.array(kept)
 
 
 def merged(made: Any, told: Any) -> Any:

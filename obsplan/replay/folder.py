@@ -9,7 +9,7 @@ from jaxtyping import Float, Integer
 from obsplan.missions.mission import check_latlon
 from obsplan.quantities import DEPTH, POSITION, Quantity
 from obsplan.replay.heard import LISTS, read_ranges
-from obsplan.replay.log import Fixes, Log, Readings, counted
+from obsplan.replay.log import RESOLUTION, Fixes, Log, Readings, counted
 from obsplan.replay.motion import increments, speeds
 from obsplan.replay.settings import read_settings
 from obsplan.replay.table import Table, time_names
@@ -222,7 +222,7 @@ def _sorted_rows(
     time, rows = time[whole], rows[whole]
     order = np.argsort(time, kind="stable")
     time, rows = time[order], rows[order]
-    last = np.append(np.diff(time) > 0, True)[: time.size]
+    last = np.append(np.diff(time) > RESOLUTION, True)[: time.size]
     if not last.all():
         log.note(f"{where}: {counted(int((~last).sum()), 'row')} at a time of another passed over")
     return time[last], rows[last]

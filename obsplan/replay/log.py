@@ -14,6 +14,7 @@ from obsplan.fates import Fate
 from obsplan.replay.settings import Settings
 from obsplan.types import ObsplanError
 
+RESOLUTION = 1e-6  # [s]; nearer times are one
 EPOCH = 5e8  # [s]; times beyond it count from 1970
 
 

@@ -10,12 +10,11 @@ from jaxtyping import Bool, Float, Integer
 from obsplan import geo
 from obsplan.fates import Fate
 from obsplan.quantities import RANGE_SIGMA
-from obsplan.replay.log import Discarded, Fixes, Log, Ranges, counted
+from obsplan.replay.log import RESOLUTION, Discarded, Fixes, Log, Ranges, counted
 from obsplan.replay.motion import GAP, DeadReckoned
 from obsplan.sensors import BEACON
 from obsplan.tape import Measurements, Tape
 
-RESOLUTION = 1e-6  # [s]; what is received at nearer times is received at one
 SHORTEST_COVER = 2.0  # [s]; fixes nearer than that are joined by a line whatever their rate
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float
 
-from obsplan.replay.log import Log, Motion, counted
+from obsplan.replay.log import RESOLUTION, Log, Motion, counted
 
 GAP, SHORTEST_GAP = 10.0, 5.0  # times the usual interval, and [s]: a gap that is said
 
@@ -30,7 +30,7 @@ def increments(
     lost = np.isnan(steps).any(axis=1) & (np.arange(time.size) > 0)
     if lost.any():
         log.note(f"{where}: {counted(int(lost.sum()), 'row')} without numbers moves on as others")
-        known = ~lost & (elapsed > 0)
+        known = ~lost & (elapsed > RESOLUTION)
         for column in steps.T:
             rate = np.zeros_like(elapsed)
             rate[known] = column[known] / elapsed[known]
@@ -59,7 +59,7 @@ def speeds(
     time, rows = _in_order(log, where, time, rows)
     if not time.size:
         return None
-    keep = np.append(np.diff(time) > 0, True)  # of several at one time the last
+    keep = np.append(np.diff(time) > RESOLUTION, True)  # of several at one time the last
     if not keep.all():
         log.note(
             f"{where}: of {counted(int((~keep).sum()), 'row')} at the time of another the last"
@@ -111,7 +111,7 @@ def _joined(
     log: Log, where: str, time: Float[np.ndarray, " n"], steps: Float[np.ndarray, "n 3"]
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m 3"]]:
     """The same with the increments of rows at one time added up."""
-    first = np.flatnonzero(np.append(True, np.diff(time) > 0))
+    first = np.flatnonzero(np.append(True, np.diff(time) > RESOLUTION))
     joined = time.size - first.size
     if joined:
         log.note(f"{where}: {counted(joined, 'row')} at the time of another, increments added up")

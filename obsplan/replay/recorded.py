@@ -12,9 +12,9 @@ from obsplan.tape import Tape
 class Recording:
     """What vehicles moved, measured and heard, and the scenario it belongs to.
 
-    ``scenario`` says where filters begin and what they assume. Its AUVs are the tape's. Its aid
-    vehicles are the beacons that moved, which come first on the tape, its beacons the others; where
-    none moved, it has one aid vehicle that nobody ranges to. ``notes`` say in a sentence each what
+    ``scenario`` says where filters begin and what they assume. Its AUVs are the tape's. Its
+    beacons are the tape's, those that moved first, each on an aid vehicle; where none moved, there
+    is one aid vehicle that nobody ranges to. ``notes`` say in a sentence each what
     was converted, assumed or left out.
     """
 

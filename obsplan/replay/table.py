@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from obsplan.missions.mission import read_number
-from obsplan.missions.source import read_loose_text
+from obsplan.missions.source import MOST_BYTES, read_loose_text
 from obsplan.missions.tables.cells import pointed
 from obsplan.missions.tables.rows import read_rows
 from obsplan.missions.timing import seconds_of
@@ -18,6 +18,7 @@ from obsplan.spelling import visible
 from obsplan.types import ObsplanError
 
 MOST_ROWS = 2_000_000
+SHOWN = 4  # names of a column in a sentence
 LONGEST_NAME = 60  # letters of a vehicle or a beacon
 UNITS = {"_s": 1.0, "": 1.0, "_ms": 1e-3, "_us": 1e-6, "_ns": 1e-9}  # of times, by their ending
 INSTANT = Quantity(-1e10, 1e10, "s", "three hundred years about 1970")
@@ -36,17 +37,22 @@ class Table:
             No such file, no such columns, or too many rows; names the file and the remedy.
         """
         self.path = path
+        if path.is_file() and path.stat().st_size > MOST_BYTES:
+            raise ObsplanError(
+                f"{path} is larger than {MOST_BYTES / 1e6:.0f} MB: thin it out, or split the "
+                "recording by time"
+            )
         text, self.remarks = read_loose_text(path)
         known = {name for names in needs for name in names}
-        asked = " and ".join(" or ".join(f'"{name}"' for name in names) for names in needs)
+        asked = " and ".join(_alternatives(names) for names in needs)
         found = read_rows(text, path, lambda cells, _: bool(known & set(map(_plain, cells))), asked)
         self.names = [_plain(cell) for cell in found.heading]
         for names in needs:
             if not set(names) & set(self.names):
-                wanted = " or ".join(names)
                 given = ", ".join(visible(name) for name in self.names)[:120]
                 raise ObsplanError(
-                    f"{path} has no column {wanted}, but {given or 'no heading'}: name it so"
+                    f"{path} has no column {_alternatives(names)}, but {given or 'no heading'}: "
+                    "name it so"
                 )
         if len(found.rows) > MOST_ROWS:
             raise ObsplanError(
@@ -171,6 +177,11 @@ def time_names(*stems: str) -> list[str]:
 def kept(keep: Bool[np.ndarray, " n"], *columns: np.ndarray) -> list[np.ndarray]:
     """The same rows of several columns."""
     return [column[keep] for column in columns]
+
+
+def _alternatives(names: Sequence[str]) -> str:
+    """The first of the names that a column may have."""
+    return " or ".join(names[:SHOWN])
 
 
 def _plain(heading: str) -> str:

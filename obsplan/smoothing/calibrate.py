@@ -13,8 +13,12 @@ from obsplan.smoothing.smoothed import Hidden, Smoothed, smooth
 from obsplan.tape import Tape
 from obsplan.types import ObsplanError
 
-ALIKE = 0.99  # a correlation beyond it, of either sign: two constants that only their sum is known of
-UNTOLD = 0.5  # a standard deviation above this share of the prior's: the ranges told next to nothing
+ALIKE = (
+    0.99  # a correlation beyond it, of either sign: two constants that only their sum is known of
+)
+UNTOLD = (
+    0.5  # a standard deviation above this share of the prior's: the ranges told next to nothing
+)
 LEAST_WEIGHT = 0.1  # of ranges that a straight line is fitted to, where there is truth
 
 
