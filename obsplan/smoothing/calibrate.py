@@ -13,8 +13,12 @@ from obsplan.smoothing.smoothed import Hidden, Smoothed, smooth
 from obsplan.tape import Tape
 from obsplan.types import ObsplanError
 
-ALIKE = 0.99  # a correlation beyond it, of either sign: two constants that only their sum is known of
-UNTOLD = 0.5  # a standard deviation above this share of the prior's: the ranges told next to nothing
+ALIKE = (
+    0.99  # a correlation beyond it, of either sign: two constants that only their sum is known of
+)
+UNTOLD = (
+    0.5  # a standard deviation above this share of the prior's: the ranges told next to nothing
+)
 LEAST_WEIGHT = 0.1  # of ranges that a straight line is fitted to, where there is truth
 
 
@@ -72,8 +76,8 @@ def calibrate(
     )
     hidden = smoothed.hidden
     told = constants_of(tape, (SCALE, BIAS), per_beacon=per_beacon, priors=priors)
-    _check_told(hidden, np.array(told.sigma))
     _check_apart(hidden)
+    _check_told(hidden, np.array(told.sigma))
     if not smoothed.converged:
         raise ObsplanError(
             "calibrate: the search did not come to rest: give a track to start from that is nearer"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Integer
 
 from obsplan.tape import Tape
 from obsplan.types import ObsplanError
@@ -30,7 +30,7 @@ class Constants:
         return len(self.names)
 
     def picked(
-        self, kind: str, numbers: Float[np.ndarray, " n"] | np.ndarray
+        self, kind: str, numbers: Integer[np.ndarray, " n"]
     ) -> Float[np.ndarray, "n constants"]:
         """1 for each constant of a kind that concerns the beacon or AUV of that number, else 0."""
         found = np.zeros((len(numbers), len(self)))

@@ -37,9 +37,7 @@ def both_sides(solver: Solver, solved: Solved, tape: Tape) -> tuple[Solved, list
     return solved, words
 
 
-def mirrored(
-    solver: Solver, solved: Solved, auv: int
-) -> Float[np.ndarray, "samples n"] | None:
+def mirrored(solver: Solver, solved: Solved, auv: int) -> Float[np.ndarray, "samples n"] | None:
     """An AUV's track moved to the other side of what it ranged to; None where it ranged to none.
 
     It is moved across the line along which the AUV passed, so that its headings stay.

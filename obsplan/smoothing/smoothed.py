@@ -51,8 +51,8 @@ class Smoothed:
     hidden: Hidden
     # of the tape's measurements, between 0, not used, and 1; and what is left of each, measured
     # less expected, in standard deviations, nan where it could not be used
-    weights: Float[np.ndarray, " n"]
-    residuals: Float[np.ndarray, " n"]
+    weights: Float[np.ndarray, " rows"]
+    residuals: Float[np.ndarray, " rows"]
     cost: float  # half the sum of squares, or the sum of losses
     converged: bool
     iterations: int
@@ -144,7 +144,7 @@ def _solver(
     tape: Tape,
     scenario: Scenario,
     start: Float[np.ndarray, "auvs samples m"] | None,
-    good: Bool[np.ndarray, " n"],
+    good: Bool[np.ndarray, " rows"],
     loss: Loss,
     constants: Constants,
 ) -> Solver:
@@ -208,7 +208,7 @@ def _spread(
         found[kinds.index(kind) + (of if kind in (CURRENT, COMPASS_BIAS) else 0)]
         for kind, of in zip(seen.kinds, seen.of, strict=True)
     ]
-    return joined(states, values)
+    return joined(states, np.array(values, dtype=float))
 
 
 def _walks(scenario: Scenario) -> Float[np.ndarray, "auvs n"]:

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from obsplan.smoothing.elimination import Elimination, Motion, Policies, elimination_of
-from obsplan.smoothing.loss import Loss
+from obsplan.smoothing.loss import GEMAN_MCCLURE, Loss
 from obsplan.smoothing.rows import Problem, Seen, heading_is
 
 TOLERANCE = 1e-6  # of the last step, in the units below: ten micrometres
@@ -79,7 +79,9 @@ class Solver:
         """
         samples = len(self.motion.noise)
         x = self.elimination.reckoned(self.motion.first, self.motion)
-        for share in range(PARTS, 0, -1):
+        # the whole with that loss is the search itself, if it is its own
+        whole = 1 if self.loss.kind == GEMAN_MCCLURE else 0
+        for share in range(PARTS, whole - 1, -1):
             count = samples >> share
             if count < LEAST_PART:
                 continue
@@ -89,9 +91,9 @@ class Solver:
         return x
 
     def _until(self, count: int) -> "Solver":
-        """The same of the first samples alone."""
+        """The same of the first samples alone, with the loss that outliers pull least."""
         problem, motion = self.problem.until(count), self.motion.until(count)
-        return replace(self, problem=problem, motion=motion, noisy=self.noisy)
+        return replace(self, problem=problem, motion=motion, loss=Loss())
 
     def search(self, x: Float[np.ndarray, "samples n"]) -> tuple[Point, int, bool]:
         """Where a search ends, after how many steps, and whether it came to rest."""
