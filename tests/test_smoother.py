@@ -162,7 +162,8 @@ def test_a_linear_problem_has_the_means_and_covariances_of_the_kalman_smoother()
     F = np.array([[1.0, 0.0, dt], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     Q = np.diag([walk[0] ** 2, walk[0] ** 2, walk[2] ** 2]) * dt
     mean, P = rts(np.array([1.0, -1.0, 1.2]), np.diag([9.0, 9.0, 0.16]), F, Q, linear)
-    assert found.mean[0, :, [0, 1, 3]].T == pytest.approx(mean, abs=1e-5)
+    smoothed = found.mean[0][:, [0, 1, 3]]
+    assert smoothed == pytest.approx(mean, abs=1e-5)
     # a heading that is known does not bend what is between
     assert found.covariance[0] == pytest.approx(P[:, :2, :2], abs=1e-6)
 
@@ -170,7 +171,7 @@ def test_a_linear_problem_has_the_means_and_covariances_of_the_kalman_smoother()
 def wandering():
     """Two AUVs that range to two beacons and to each other, with hidden constants; and what is."""
     rng = np.random.default_rng(11)
-    dt, steps = 1.5, 24
+    dt, steps = 1.5, 12
     beacons = [(-10.0, 30.0), (40.0, -25.0)]
     turn = rng.uniform(-0.5, 0.5, (2, steps))
     x = np.array([[0.0, 0.0, 0.3, 1.4], [12.0, 8.0, -0.4, 1.1]])
@@ -212,7 +213,7 @@ def test_mean_and_covariance_are_those_of_dense_least_squares():
         compass = (tape.heading - x[:, 1:, 2] - hidden[3:, None]) / np.deg2rad(3.0)
         ranged = []
         for time, auv, beacon, value in zip(z.received, z.auv, z.beacon, z.value, strict=True):
-            k = int(round(time / dt[0]))
+            k = round(time / dt[0])
             other = beacons[beacon] if beacon < 2 else x[beacon - 2, k, :2]
             ranged.append((value - (1 + hidden[0]) * np.hypot(*(x[auv, k, :2] - other))) / 0.5)
         parts = [first, steps, compass[np.isfinite(compass)], ranged, hidden / prior]
@@ -225,7 +226,7 @@ def test_mean_and_covariance_are_those_of_dense_least_squares():
     assert found.hidden.values == pytest.approx(dense.x[-5:], abs=1e-5)
     assert found.cost == pytest.approx(dense.cost, rel=1e-9)
     assert found.hidden.covariance == pytest.approx(P[-5:, -5:], rel=1e-3, abs=1e-8)
-    for auv, sample in ((0, 0), (0, 13), (1, samples - 1)):
+    for auv, sample in ((0, 0), (0, 7), (1, samples - 1)):
         at = (auv * samples + sample) * 4
         here = P[at : at + 2, at : at + 2]
         assert found.covariance[auv, sample] == pytest.approx(here, rel=1e-3, abs=1e-6)
@@ -249,7 +250,7 @@ def nees(away, P):
 
 
 def test_smoothed_errors_are_below_the_filters_and_as_large_as_their_covariances_say():
-    seeds = range(12)
+    seeds = range(8)
     runs = flown(seeds)
     squares, filtered, normalised = [], [], []
     for run in runs:
@@ -293,7 +294,7 @@ def test_gross_outliers_do_not_pull_the_track():
     assert away[0] < 1.0 < away[1]
 
 
-def passing(side, *, turns=(), beacon=(30.0, 40.0), steps=60):
+def passing(side, *, turns=(), beacon=(30.0, 40.0), steps=60, first_sigma=(50.0, 0.001, 0.0)):
     """A tape of one AUV that goes east past a beacon, first estimate on the line with some y."""
     x, rows = np.array([0.0, 0.0, 0.0]), []
     turn = np.zeros(steps)
@@ -314,7 +315,7 @@ def passing(side, *, turns=(), beacon=(30.0, 40.0), steps=60):
         [(0.0, side, 0.0, 1.0)],
         sigma=0.5,
         walk=(0.01, 0.0, 0.0),
-        first_sigma=(50.0, 0.001, 0.0),
+        first_sigma=first_sigma,
     )
     return tape, known
 
@@ -386,11 +387,18 @@ def test_scale_and_bias_are_found_within_what_is_said_of_them(per_beacon):
     assert np.hypot(*right.mean[0, 49, :2] - [49.0, 0.0]) < 0.6
 
 
-def test_constants_that_no_range_tells_apart_are_refused():
+def test_constants_that_no_range_tells_are_refused():
     # on a line past a beacon 2 km away all distances are alike
     tape, known = passing(0.0, beacon=(30.0, 2000.0))
-    with pytest.raises(op.ObsplanError, match="cannot be told apart"):
+    with pytest.raises(op.ObsplanError, match="do not tell the bias"):
         calibrate(tape, known)
+
+
+def test_constants_of_which_only_the_sum_is_known_are_refused():
+    # a known track that is 100 to 104 m from the beacon
+    tape, known = passing(0.0, beacon=(30.0, 100.0), first_sigma=(0.1, 0.001, 0.0))
+    with pytest.raises(op.ObsplanError, match="scale and bias cannot be told apart"):
+        calibrate(tape, known, priors={"scale": 1.0, "bias": 100.0})
 
 
 def test_the_straight_line_by_the_truth_is_told_beside():
@@ -406,8 +414,8 @@ def test_the_straight_line_by_the_truth_is_told_beside():
 
 def test_wrong_names_are_refused_in_words():
     tape, known = passing(0.0)
-    with pytest.raises(op.ObsplanError, match='"clock" is no constant'):
-        smooth(tape, known, hidden=("clock",))
+    with pytest.raises(op.ObsplanError, match='"tide" is no constant'):
+        smooth(tape, known, hidden=("tide",))
     with pytest.raises(op.ObsplanError, match='loss: "l1" is none'):
         smooth(tape, known, loss="l1")
     with pytest.raises(op.ObsplanError, match="scale: -1"):

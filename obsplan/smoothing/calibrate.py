@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from obsplan.scenario import Scenario
-from obsplan.smoothing.constants import BIAS, PRIORS, SCALE, constants_of
+from obsplan.smoothing.constants import BIAS, PRIORS, SCALE, constants_of, kinds_asked
 from obsplan.smoothing.smoothed import Hidden, Smoothed, smooth
 from obsplan.tape import Tape
 from obsplan.types import ObsplanError
@@ -75,9 +75,9 @@ def calibrate(
         tape, scenario, start=start, hidden=(SCALE, BIAS), per_beacon=per_beacon, priors=priors
     )
     hidden = smoothed.hidden
-    told = constants_of(tape, (SCALE, BIAS), per_beacon=per_beacon, priors=priors)
+    kinds = kinds_asked((SCALE, BIAS), per_beacon=per_beacon, priors=priors)
     _check_apart(hidden)
-    _check_told(hidden, np.array(told.sigma))
+    _check_told(hidden, np.array(constants_of(tape, kinds).sigma))
     if not smoothed.converged:
         raise ObsplanError(
             "calibrate: the search did not come to rest: give a track to start from that is nearer"

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Integer
 from formulations.model.casadi import of_each, symbol
 from obsplan.scenario import Scenario
 from obsplan.sensors import BEACON, Heading, Sensor
-from obsplan.smoothing.constants import BIAS, COMPASS_BIAS, CURRENT, SCALE, Constants
+from obsplan.smoothing.constants import BIAS, CLOCK, COMPASS_BIAS, CURRENT, SCALE, Constants
 from obsplan.smoothing.model import Model
 from obsplan.tape import Tape
 from obsplan.types import ObsplanError
@@ -106,7 +106,7 @@ def problem_of(
 ) -> Problem:
     """Rows of a tape's usable measurements as the scenario's filter takes them."""
     sensors = (*_sensors(tape, scenario), scenario.heading_sensor)
-    parts = [_measured(tape, model.constants, usable)]
+    parts = [_measured(tape, scenario, model.constants, usable)]
     parts.append(_headings(tape, model.constants, len(sensors) - 1))
     rows = Rows(*(np.concatenate(column) for column in zip(*parts, strict=True)))
     return Problem(model=model, sensors=sensors, rows=rows, samples=tape.time.size)
@@ -120,7 +120,9 @@ def _sensors(tape: Tape, scenario: Scenario) -> list[Sensor]:
     ]
 
 
-def _measured(tape: Tape, constants: Constants, usable: Bool[np.ndarray, " rows"]) -> Rows:
+def _measured(
+    tape: Tape, scenario: Scenario, constants: Constants, usable: Bool[np.ndarray, " rows"]
+) -> Rows:
     """Ranges, bearings and speeds."""
     z = tape.measurements
     auv, beacon = z.auv[usable], z.beacon[usable]
@@ -130,7 +132,9 @@ def _measured(tape: Tape, constants: Constants, usable: Bool[np.ndarray, " rows"
     _tell(tape, told, (sample, auv, other), between)
     # constants are of distances alone
     names = np.array([*tape.sensors, ""])[z.sensor[usable]]
-    distance = np.where(names == "range", beacon, -2)
+    distance = names == "range"
+    late = scenario.assumed_sound_speed * constants.picked(CLOCK, auv)
+    biased = constants.picked(BIAS, beacon) + late
     return Rows(
         sample=sample,
         auv=auv,
@@ -140,8 +144,8 @@ def _measured(tape: Tape, constants: Constants, usable: Bool[np.ndarray, " rows"
         sigma=z.sigma[usable],
         told=np.nan_to_num(told),
         between=between.astype(float),
-        scaled=constants.picked(SCALE, distance) * (distance > -2)[:, None],
-        biased=constants.picked(BIAS, distance) * (distance > -2)[:, None],
+        scaled=constants.picked(SCALE, beacon) * distance[:, None],
+        biased=biased * distance[:, None],
     )
 
 

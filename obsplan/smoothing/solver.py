@@ -117,7 +117,7 @@ class Solver:
         self, x: Float[np.ndarray, "samples n"], auv: int
     ) -> Float[np.ndarray, " some"]:
         """What is left of an AUV's measurements in a trajectory, in standard deviations."""
-        seen, mine = self.problem.seen(x), self._robust & (self.problem.rows.auv == auv)
+        seen, mine = self.problem.seen(x), self.robust & (self.problem.rows.auv == auv)
         return (seen.residual / seen.sigma)[mine]
 
     def _at(self, x: Float[np.ndarray, "samples n"], noise_cost: float) -> Point:
@@ -137,18 +137,18 @@ class Solver:
     def _cost(self, point: Point, loss: Loss, deviations: Point) -> float:
         """Sum of losses, by the deviations that another trajectory has."""
         r = point.seen.residual / deviations.seen.sigma
-        robust = self._robust
+        robust = self.robust
         usual = replace(loss, kind="squares").cost(r[~robust])
         return point.noise_cost + float(loss.cost(r[robust]).sum() + usual.sum())
 
     def _weights(self, r: Float[np.ndarray, " rows"], loss: Loss) -> Float[np.ndarray, " rows"]:
-        return np.where(self._robust, loss.weight(r), 1.0)
+        return np.where(self.robust, loss.weight(r), 1.0)
 
     def _gross(self, point: Point) -> Float[np.ndarray, " some"]:
-        return (point.seen.residual / point.seen.sigma)[self._robust]
+        return (point.seen.residual / point.seen.sigma)[self.robust]
 
     @property
-    def _robust(self) -> np.ndarray:
+    def robust(self) -> np.ndarray:
         """Rows that may be gross errors: all but headings."""
         compasses = [k for k, one in enumerate(self.problem.sensors) if heading_is(one)]
         return ~np.isin(self.problem.rows.sensor, compasses)
