@@ -383,7 +383,7 @@ def test_scale_and_bias_are_found_within_what_is_said_of_them(per_beacon):
     true = np.repeat([0.07, 0.8], half)
     assert np.all(np.abs(found.constants.values - true) < 4 * found.constants.sigma)
     assert "correlation of scale" in str(found)
-    right = smooth(found.corrected(tape), known)
+    right = smooth(found.tape, known)
     assert np.hypot(*right.mean[0, 49, :2] - [49.0, 0.0]) < 0.6
 
 

@@ -10,12 +10,14 @@ from obsplan.smoothing.loss import GEMAN_MCCLURE, Loss
 from obsplan.smoothing.rows import Problem, Seen, heading_is
 
 TOLERANCE = 1e-6  # of the last step, in the units below: ten micrometres
+GAIN = 1e-10  # or that of the cost, relative
 UNITS = (10.0, 10.0, 0.2, 0.2)  # a step counts against [m, m, rad, m/s]; others against theirs
 FIRST_DAMPING = 1e-3  # per sample, in squares of those units
 LEAST_DAMPING, MOST_DAMPING = 1e-6, 1e9
 FASTER, SLOWER = 0.1, 10.0
 MOST_STEPS = 200
 PARTS = 6  # 64 bits at most
+PART_STEPS = 40  # which only are to begin from
 LEAST_PART = 50  # samples
 
 
@@ -85,7 +87,7 @@ class Solver:
             count = samples >> share
             if count < LEAST_PART:
                 continue
-            x[:count] = self._until(count).search(x[:count])[0].x
+            x[:count] = self._until(count).search(x[:count], PART_STEPS)[0].x
             rest = self.motion.after(count - 1)
             x[count - 1 :] = self.elimination.reckoned(x[count - 1], rest)
         return x
@@ -95,17 +97,19 @@ class Solver:
         problem, motion = self.problem.until(count), self.motion.until(count)
         return replace(self, problem=problem, motion=motion, loss=Loss())
 
-    def search(self, x: Float[np.ndarray, "samples n"]) -> tuple[Point, int, bool]:
+    def search(
+        self, x: Float[np.ndarray, "samples n"], most: int = MOST_STEPS
+    ) -> tuple[Point, int, bool]:
         """Where a search ends, after how many steps, and whether it came to rest."""
         point = self._at(x, np.inf)
         loss = self.loss.convex(self._gross(point))
         damping, done, steps = 0.0, False, 0
-        while steps < MOST_STEPS and not done and damping < MOST_DAMPING:
+        while steps < most and not done and damping < MOST_DAMPING:
             steps += 1
             trial = self._follow(point, self._policies(point, loss, damping))
-            worse = self._cost(trial, loss, point) > self._cost(point, loss, point)
-            small = self._step(point.x, trial.x) < TOLERANCE
-            if worse and not small:
+            before, after = (self._cost(one, loss, point) for one in (point, trial))
+            small = self._step(point.x, trial.x) < TOLERANCE or 0 <= before - after < GAIN * after
+            if after > before and not small:
                 damping = max(FIRST_DAMPING, damping * SLOWER)
                 continue
             done = small and loss.convexity == 1.0 and damping == 0.0
