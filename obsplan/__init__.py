@@ -55,10 +55,12 @@ _HOME = {
     "Vehicle": "vehicles",
     "Waypoints": "surveys",
     "WholeMission": "planners.whole_mission",
+    "calibrate": "smoothing",
     "from_dict": "scenario",
     "load": "scenario",
     "load_campaign": "campaign",
     "simulate": "simulation",
+    "smooth": "smoothing",
     "to_dataset": "recording",
     "to_tape": "simulation",
     "write_netcdf": "recording",
@@ -103,6 +105,8 @@ if TYPE_CHECKING:
     from obsplan.simulation import ClosedLoop as ClosedLoop
     from obsplan.simulation import simulate as simulate
     from obsplan.simulation import to_tape as to_tape
+    from obsplan.smoothing import calibrate as calibrate
+    from obsplan.smoothing import smooth as smooth
     from obsplan.surveys import Formation as Formation
     from obsplan.surveys import Lawnmower as Lawnmower
     from obsplan.surveys import Reference as Reference

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from obsplan.scenario import Scenario
-from obsplan.smoothing.constants import BIAS, PRIORS, SCALE, constants_of
+from obsplan.smoothing.constants import BIAS, PRIORS, SCALE, constants_of, kinds_asked
 from obsplan.smoothing.smoothed import Hidden, Smoothed, smooth
 from obsplan.tape import Tape
 from obsplan.types import ObsplanError
@@ -28,27 +28,11 @@ class Calibration:
 
     constants: Hidden
     smoothed: Smoothed
+    tape: Tape  # its ranges corrected: those of an instrument without scale and bias
     words: tuple[str, ...]  # a line for each constant, then correlations, then what else is known
 
     def __str__(self) -> str:
         return "\n".join(self.words)
-
-    def corrected(self, tape: Tape) -> Tape:
-        """The tape with its ranges as if scale and bias were 0."""
-        z = tape.measurements
-        value, sigma = z.value.copy(), z.sigma.copy()
-        for beacon, name in enumerate(tape.beacons):
-            scale, bias = (self._of(kind, name) for kind in (SCALE, BIAS))
-            mine = (z.beacon == beacon) & _distances(tape)
-            value[mine] = (value[mine] - bias) / (1 + scale)
-            sigma[mine] /= 1 + scale
-        return replace(tape, measurements=z._replace(value=value, sigma=sigma))
-
-    def _of(self, kind: str, beacon: str) -> float:
-        """A constant of a beacon, or the one common to all."""
-        names = self.constants.names
-        own = f"{kind} of {beacon}"
-        return float(self.constants.values[names.index(own if own in names else kind)])
 
 
 def calibrate(
@@ -75,15 +59,34 @@ def calibrate(
         tape, scenario, start=start, hidden=(SCALE, BIAS), per_beacon=per_beacon, priors=priors
     )
     hidden = smoothed.hidden
-    told = constants_of(tape, (SCALE, BIAS), per_beacon=per_beacon, priors=priors)
-    _check_told(hidden, np.array(told.sigma))
+    kinds = kinds_asked((SCALE, BIAS), per_beacon=per_beacon, priors=priors)
     _check_apart(hidden)
+    _check_told(hidden, np.array(constants_of(tape, kinds).sigma))
     if not smoothed.converged:
         raise ObsplanError(
             "calibrate: the search did not come to rest: give a track to start from that is nearer"
         )
     words = (*_table(hidden), *smoothed.words, *_fitted(tape, smoothed))
-    return Calibration(constants=hidden, smoothed=smoothed, words=words)
+    right = _corrected(tape, hidden)
+    return Calibration(constants=hidden, smoothed=smoothed, tape=right, words=words)
+
+
+def _corrected(tape: Tape, hidden: Hidden) -> Tape:
+    """The tape with its ranges as if scale and bias were 0; those between AUVs as they are."""
+    z = tape.measurements
+    value, sigma = z.value.copy(), z.sigma.copy()
+    for beacon, name in enumerate(tape.beacons):
+        scale, bias = (_of(hidden, kind, name) for kind in (SCALE, BIAS))
+        mine = (z.beacon == beacon) & _distances(tape)
+        value[mine] = (value[mine] - bias) / (1 + scale)
+        sigma[mine] /= 1 + scale
+    return replace(tape, measurements=z._replace(value=value, sigma=sigma))
+
+
+def _of(hidden: Hidden, kind: str, beacon: str) -> float:
+    """A constant of a beacon, or the one common to all."""
+    own = f"{kind} of {beacon}"
+    return float(hidden.values[hidden.names.index(own if own in hidden.names else kind)])
 
 
 def _check_told(hidden: Hidden, prior: Float[np.ndarray, " constants"]) -> None:

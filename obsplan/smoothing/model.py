@@ -1,6 +1,5 @@
 """All AUVs of a tape as one state: how it moves from sample to sample, as CasADi expressions."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -61,12 +60,12 @@ class Model:
 
 
 def joined(
-    states: Float[np.ndarray, "auvs samples n"], constants: Sequence[float]
+    states: Float[np.ndarray, "auvs samples n"], constants: Float[np.ndarray, " constants"]
 ) -> Float[np.ndarray, "samples all"]:
     """States of AUVs beside each other, then the constants."""
     auvs, samples, n = states.shape
     beside = states.swapaxes(0, 1).reshape(samples, auvs * n)
-    return np.hstack([beside, np.tile(np.array(constants, dtype=float), (samples, 1))])
+    return np.hstack([beside, np.tile(constants, (samples, 1))])
 
 
 def apart(

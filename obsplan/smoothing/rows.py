@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Integer
 from formulations.model.casadi import of_each, symbol
 from obsplan.scenario import Scenario
 from obsplan.sensors import BEACON, Heading, Sensor
-from obsplan.smoothing.constants import BIAS, COMPASS_BIAS, CURRENT, SCALE, Constants
+from obsplan.smoothing.constants import BIAS, CLOCK, COMPASS_BIAS, CURRENT, SCALE, Constants
 from obsplan.smoothing.model import Model
 from obsplan.tape import Tape
 from obsplan.types import ObsplanError
@@ -24,25 +24,25 @@ VEHICLE = 6  # as many rows of `BEACON` say how another vehicle moves
 class Rows(NamedTuple):
     """Measurements of ranges, bearings and speeds in the tape's order, then those of headings."""
 
-    sample: Integer[np.ndarray, " n"]
-    auv: Integer[np.ndarray, " n"]
-    other: Integer[np.ndarray, " n"]  # the AUV that it ranged to; itself where there is none
-    sensor: Integer[np.ndarray, " n"]  # number in `Problem.sensors`
-    value: Float[np.ndarray, " n"]
-    sigma: Float[np.ndarray, " n"]  # nan: the sensor's own
-    told: Float[np.ndarray, "n 10"]
-    between: Float[np.ndarray, " n"]  # 1 where it is of another AUV
-    scaled: Float[np.ndarray, "n constants"]  # 1 for the constants that are its scale
-    biased: Float[np.ndarray, "n constants"]  # its bias
+    sample: Integer[np.ndarray, " rows"]
+    auv: Integer[np.ndarray, " rows"]
+    other: Integer[np.ndarray, " rows"]  # the AUV that it ranged to; itself where there is none
+    sensor: Integer[np.ndarray, " rows"]  # number in `Problem.sensors`
+    value: Float[np.ndarray, " rows"]
+    sigma: Float[np.ndarray, " rows"]  # nan: the sensor's own
+    told: Float[np.ndarray, "rows 10"]
+    between: Float[np.ndarray, " rows"]  # 1 where it is of another AUV
+    scaled: Float[np.ndarray, "rows constants"]  # 1 for the constants that are its scale
+    biased: Float[np.ndarray, "rows constants"]  # its bias
 
 
 class Seen(NamedTuple):
     """What rows are in a trajectory, and how they change with it."""
 
-    residual: Float[np.ndarray, " n"]  # measured less expected
-    sigma: Float[np.ndarray, " n"]
+    residual: Float[np.ndarray, " rows"]  # measured less expected
+    sigma: Float[np.ndarray, " rows"]
     # by the AUV's state, the other's and the constants
-    jacobian: Float[np.ndarray, "n columns"]
+    jacobian: Float[np.ndarray, "rows columns"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +55,7 @@ class Problem:
     samples: int
 
     @property
-    def columns(self) -> Integer[np.ndarray, "n columns"]:
+    def columns(self) -> Integer[np.ndarray, "rows columns"]:
         """Where in the state the columns of `Seen.jacobian` stand."""
         own, model = np.arange(self.model.own), self.model
         hidden = np.arange(model.of_auvs, model.size)
@@ -89,7 +89,7 @@ class Problem:
         return Seen(residual, np.where(np.isnan(rows.sigma), sigma, rows.sigma), jacobian)
 
     def normal(
-        self, seen: Seen, weights: Float[np.ndarray, " n"]
+        self, seen: Seen, weights: Float[np.ndarray, " rows"]
     ) -> tuple[Float[np.ndarray, "samples n n"], Float[np.ndarray, "samples n"]]:
         """Hᵀ R⁻¹ H and Hᵀ R⁻¹ r of each sample, of weighted rows."""
         n, columns, sample = self.model.size, self.columns, self.rows.sample
@@ -102,11 +102,11 @@ class Problem:
 
 
 def problem_of(
-    tape: Tape, scenario: Scenario, model: Model, usable: Bool[np.ndarray, " n"]
+    tape: Tape, scenario: Scenario, model: Model, usable: Bool[np.ndarray, " rows"]
 ) -> Problem:
     """Rows of a tape's usable measurements as the scenario's filter takes them."""
     sensors = (*_sensors(tape, scenario), scenario.heading_sensor)
-    parts = [_measured(tape, model.constants, usable)]
+    parts = [_measured(tape, scenario, model.constants, usable)]
     parts.append(_headings(tape, model.constants, len(sensors) - 1))
     rows = Rows(*(np.concatenate(column) for column in zip(*parts, strict=True)))
     return Problem(model=model, sensors=sensors, rows=rows, samples=tape.time.size)
@@ -120,7 +120,9 @@ def _sensors(tape: Tape, scenario: Scenario) -> list[Sensor]:
     ]
 
 
-def _measured(tape: Tape, constants: Constants, usable: Bool[np.ndarray, " n"]) -> Rows:
+def _measured(
+    tape: Tape, scenario: Scenario, constants: Constants, usable: Bool[np.ndarray, " rows"]
+) -> Rows:
     """Ranges, bearings and speeds."""
     z = tape.measurements
     auv, beacon = z.auv[usable], z.beacon[usable]
@@ -130,7 +132,9 @@ def _measured(tape: Tape, constants: Constants, usable: Bool[np.ndarray, " n"]) 
     _tell(tape, told, (sample, auv, other), between)
     # constants are of distances alone
     names = np.array([*tape.sensors, ""])[z.sensor[usable]]
-    distance = np.where(names == "range", beacon, -2)
+    distance = names == "range"
+    late = scenario.assumed_sound_speed * constants.picked(CLOCK, auv)
+    biased = constants.picked(BIAS, beacon) + late
     return Rows(
         sample=sample,
         auv=auv,
@@ -140,16 +144,16 @@ def _measured(tape: Tape, constants: Constants, usable: Bool[np.ndarray, " n"]) 
         sigma=z.sigma[usable],
         told=np.nan_to_num(told),
         between=between.astype(float),
-        scaled=constants.picked(SCALE, distance) * (distance > -2)[:, None],
-        biased=constants.picked(BIAS, distance) * (distance > -2)[:, None],
+        scaled=constants.picked(SCALE, beacon) * distance[:, None],
+        biased=biased * distance[:, None],
     )
 
 
 def _tell(
     tape: Tape,
-    told: Float[np.ndarray, "n 10"],
+    told: Float[np.ndarray, "rows 10"],
     who: tuple[np.ndarray, np.ndarray, np.ndarray],
-    between: Bool[np.ndarray, " n"],
+    between: Bool[np.ndarray, " rows"],
 ) -> None:
     """Fill in what a tape cannot tell of another AUV: its motion is the trajectory's own."""
     sample, auv, other = who
@@ -207,7 +211,7 @@ def _beacon(model: Model, other: ca.SX, hidden: ca.SX, told: ca.SX, between: ca.
     return ca.vertcat(own, rows[VEHICLE], rows[VEHICLE + 1], east, north)
 
 
-def usable(tape: Tape) -> tuple[Bool[np.ndarray, " n"], list[str]]:
+def usable(tape: Tape) -> tuple[Bool[np.ndarray, " rows"], list[str]]:
     """Which measurements can be used, and in words what the others lack.
 
     Raises
@@ -241,7 +245,7 @@ def usable(tape: Tape) -> tuple[Bool[np.ndarray, " n"], list[str]]:
     return good, words
 
 
-def _again(tape: Tape) -> Bool[np.ndarray, " n"]:
+def _again(tape: Tape) -> Bool[np.ndarray, " rows"]:
     """Measurements that are the same as an earlier one."""
     z = tape.measurements
     keys = np.column_stack([z.sent, z.received, z.auv, z.beacon, z.sensor, z.value])

@@ -9,15 +9,27 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from obsplan.scenario import Scenario
-from obsplan.scenario.states import first_covariance, noise
-from obsplan.smoothing.constants import COMPASS_BIAS, CURRENT, PRIORS, Constants, constants_of
+from obsplan.scenario.states import first_covariance
+from obsplan.smoothing.constants import (
+    BIAS,
+    PRIORS,
+    SCALE,
+    Constants,
+    constants_of,
+    kinds_asked,
+    kinds_of_filter,
+)
 from obsplan.smoothing.elimination import Motion
 from obsplan.smoothing.loss import GEMAN_MCCLURE, Loss, loss_of
+from obsplan.smoothing.mirror import both_sides
 from obsplan.smoothing.model import Model, apart, joined
 from obsplan.smoothing.rows import Problem, problem_of, usable
 from obsplan.smoothing.solver import UNITS, Solved, Solver
 from obsplan.tape import Tape
 from obsplan.types import ObsplanError
+
+NEXT_TO_NOTHING = 0.1  # a weight
+ALARM = 0.2  # share of measurements of such weights
 
 
 class Hidden(NamedTuple):
@@ -51,8 +63,8 @@ class Smoothed:
     hidden: Hidden
     # of the tape's measurements, between 0, not used, and 1; and what is left of each, measured
     # less expected, in standard deviations, nan where it could not be used
-    weights: Float[np.ndarray, " n"]
-    residuals: Float[np.ndarray, " n"]
+    weights: Float[np.ndarray, " rows"]
+    residuals: Float[np.ndarray, " rows"]
     cost: float  # half the sum of squares, or the sum of losses
     converged: bool
     iterations: int
@@ -91,7 +103,7 @@ def smooth(
     scenario: Scenario,
     *,
     start: Float[np.ndarray, "auvs samples m"] | None = None,
-    hidden: Sequence[str] = (),
+    hidden: Sequence[str] | None = None,
     per_beacon: bool = False,
     priors: Mapping[str, float] = PRIORS,
     loss: str = GEMAN_MCCLURE,
@@ -107,12 +119,14 @@ def smooth(
         Where to begin: the filter's means, say. Its first sample is the mean of the first estimate
         where the scenario does not say it. Default: dead reckoning from the first estimate.
     hidden
-        Constants to find besides: ``scale`` of ranges and their ``bias`` [m], an unknown
-        ``current`` [m/s] besides the one that is counted on, ``compass-bias`` [rad] of each AUV.
+        Constants to find besides: ``scale`` of ranges and their ``bias`` [m], how late each AUV's
+        ``clock`` is [s], an unknown ``current`` [m/s] besides the one that is counted on, the
+        ``compass-bias`` [rad] of each AUV. Default: those that the filter estimates, with its
+        priors and random walks.
     per_beacon
-        Whether each beacon has a scale and a bias of its own.
+        Whether each beacon has a scale and a bias of its own, of those asked for.
     priors
-        Standard deviations of constants by name; their means are 0.
+        Standard deviations of constants that are asked for, by name; their means are 0.
     loss
         Of all measurements but headings: ``geman-mcclure``, ``huber`` or ``squares``.
     scale
@@ -124,27 +138,39 @@ def smooth(
         A name that is unknown, or no first estimate.
     """
     good, words = usable(tape)
-    told = partial(constants_of, tape, hidden, priors=priors)
+    asked = kinds_asked(hidden or (), per_beacon=per_beacon, priors=priors)
+    kinds = kinds_of_filter(scenario) if hidden is None else asked
     built = partial(_solver, tape, scenario, start, good, loss_of(loss, scale))
-    solver = built(told(per_beacon=False))
+    # with constants common to all beacons first, or each explains what it is not
+    common = [one._replace(per_beacon=False) for one in kinds]
+    solver = built(constants_of(tape, common))
     x = solver.reckoned() if start is None else _guess(solver, start)
-    if per_beacon:  # from what fits with constants common to all, or they explain what they are not
-        common, model = solver.search(x)[0].x, solver.problem.model
-        solver = built(told(per_beacon=True))
-        x = _spread(common, model, solver.problem.model)
+    if common != [*kinds]:
+        found, model = solver.search(x)[0].x, solver.problem.model
+        solver = built(constants_of(tape, kinds))
+        x = _spread(found, model, solver.problem.model)
     solved = solver.solve(x)
-    from obsplan.smoothing.mirror import both_sides
-
+    if start is not None and _lost(solver, solved):
+        again = solver.solve(solver.reckoned())
+        solved = again if again.cost < solved.cost else solved
     solved, sides = both_sides(solver, solved, tape)
+    if scenario.table.estimator.states.depth is not None:
+        words.append("depths are taken as they are measured")
     words += [*sides, *_said(solved, solver.problem)]
     return _smoothed(tape, solver.problem, solved, good, words)
+
+
+def _lost(solver: Solver, solved: Solved) -> bool:
+    """Whether so many measurements do not count that the search may have begun too far off."""
+    rejected = solver.robust & (solved.weights < NEXT_TO_NOTHING)
+    return int(rejected.sum()) > ALARM * int(solver.robust.sum())
 
 
 def _solver(
     tape: Tape,
     scenario: Scenario,
     start: Float[np.ndarray, "auvs samples m"] | None,
-    good: Bool[np.ndarray, " n"],
+    good: Bool[np.ndarray, " rows"],
     loss: Loss,
     constants: Constants,
 ) -> Solver:
@@ -171,12 +197,13 @@ def _motion(
     n, dt = model.own, np.diff(tape.time)
     first = _first_mean(tape, scenario, start, n)
     controls = np.stack([tape.turn, tape.change_of_speed, tape.sway], axis=-1)
-    walk = np.sqrt(dt)[None, :, None] * _walks(scenario)[:, None]
+    walk = _walks(tape, scenario, first[:, 3] if start is None else start[:, :-1, 3], n)
     deviations = np.sqrt(np.diagonal(first_covariance(scenario, scenario.truth_states), 0, 1, 2))
     noises = np.concatenate([deviations[:, None], walk], axis=1)
     still = np.zeros(len(model.constants))
     joint = joined(noises, still)
     joint[0, model.of_auvs :] = model.constants.sigma
+    joint[1:, model.of_auvs :] = np.outer(np.sqrt(dt), model.constants.walk)
     return Motion(
         first=joined(first[:, None], still)[0],
         controls=controls.swapaxes(0, 1).reshape(dt.size, -1),
@@ -205,15 +232,28 @@ def _spread(
     kinds, seen = common.constants.kinds, model.constants
     # those that no beacon has are the same, in the same order
     values = [
-        found[kinds.index(kind) + (of if kind in (CURRENT, COMPASS_BIAS) else 0)]
+        found[kinds.index(kind) + (0 if kind in (SCALE, BIAS) else of)]
         for kind, of in zip(seen.kinds, seen.of, strict=True)
     ]
-    return joined(states, values)
+    return joined(states, np.array(values, dtype=float))
 
 
-def _walks(scenario: Scenario) -> Float[np.ndarray, "auvs n"]:
-    """Standard deviations of what each second adds, per its square root."""
-    return noise(scenario, scenario.truth_states, assumed=True)
+def _walks(
+    tape: Tape, scenario: Scenario, speed: Float[np.ndarray, "..."], n: int
+) -> Float[np.ndarray, "auvs steps n"]:
+    """Standard deviations of what each step adds, at its speed in the track to begin from."""
+    dt = np.diff(tape.time)
+    found = np.empty((len(tape.auvs), dt.size, n))
+    for i, walk in enumerate(found):
+        if speed.ndim == 1:  # the first one, and what was measured since
+            measured = np.concatenate([[0.0], np.cumsum(tape.change_of_speed[i])[:-1]])
+            way = np.abs(speed[i] + measured) * dt
+        else:
+            way = np.abs(speed[i]) * dt
+        process = scenario.filter_process(i, 1.0)
+        by_time, by_way = np.array(process.noise[:n]), np.array(process.walk_per_meter[:n])
+        walk[:] = np.sqrt(np.outer(dt, by_time**2) + np.outer(way, by_way**2))
+    return found
 
 
 def _first_mean(
@@ -253,7 +293,7 @@ def _said(solved: Solved, problem: Problem) -> list[str]:
             f"the search has not come to rest after {solved.iterations} steps: the track is not "
             "the best one"
         )
-    rejected = int((ranged & (solved.weights < 0.1)).sum())
+    rejected = int((ranged & (solved.weights < NEXT_TO_NOTHING)).sum())
     if rejected:
         words.append(f"{rejected} of {int(ranged.sum())} measurements count for next to nothing")
     return words

@@ -6,16 +6,18 @@ import numpy as np
 from jaxtyping import Float
 
 from obsplan.smoothing.elimination import Elimination, Motion, Policies, elimination_of
-from obsplan.smoothing.loss import Loss
+from obsplan.smoothing.loss import GEMAN_MCCLURE, Loss
 from obsplan.smoothing.rows import Problem, Seen, heading_is
 
 TOLERANCE = 1e-6  # of the last step, in the units below: ten micrometres
+GAIN = 1e-10  # or that of the cost, relative
 UNITS = (10.0, 10.0, 0.2, 0.2)  # a step counts against [m, m, rad, m/s]; others against theirs
 FIRST_DAMPING = 1e-3  # per sample, in squares of those units
 LEAST_DAMPING, MOST_DAMPING = 1e-6, 1e9
 FASTER, SLOWER = 0.1, 10.0
 MOST_STEPS = 200
 PARTS = 6  # 64 bits at most
+PART_STEPS = 40  # which only are to begin from
 LEAST_PART = 50  # samples
 
 
@@ -79,31 +81,35 @@ class Solver:
         """
         samples = len(self.motion.noise)
         x = self.elimination.reckoned(self.motion.first, self.motion)
-        for share in range(PARTS, 0, -1):
+        # the whole with that loss is the search itself, if it is its own
+        whole = 1 if self.loss.kind == GEMAN_MCCLURE else 0
+        for share in range(PARTS, whole - 1, -1):
             count = samples >> share
             if count < LEAST_PART:
                 continue
-            x[:count] = self._until(count).search(x[:count])[0].x
+            x[:count] = self._until(count).search(x[:count], PART_STEPS)[0].x
             rest = self.motion.after(count - 1)
             x[count - 1 :] = self.elimination.reckoned(x[count - 1], rest)
         return x
 
     def _until(self, count: int) -> "Solver":
-        """The same of the first samples alone."""
+        """The same of the first samples alone, with the loss that outliers pull least."""
         problem, motion = self.problem.until(count), self.motion.until(count)
-        return replace(self, problem=problem, motion=motion, noisy=self.noisy)
+        return replace(self, problem=problem, motion=motion, loss=Loss())
 
-    def search(self, x: Float[np.ndarray, "samples n"]) -> tuple[Point, int, bool]:
+    def search(
+        self, x: Float[np.ndarray, "samples n"], most: int = MOST_STEPS
+    ) -> tuple[Point, int, bool]:
         """Where a search ends, after how many steps, and whether it came to rest."""
         point = self._at(x, np.inf)
         loss = self.loss.convex(self._gross(point))
         damping, done, steps = 0.0, False, 0
-        while steps < MOST_STEPS and not done and damping < MOST_DAMPING:
+        while steps < most and not done and damping < MOST_DAMPING:
             steps += 1
             trial = self._follow(point, self._policies(point, loss, damping))
-            worse = self._cost(trial, loss, point) > self._cost(point, loss, point)
-            small = self._step(point.x, trial.x) < TOLERANCE
-            if worse and not small:
+            before, after = (self._cost(one, loss, point) for one in (point, trial))
+            small = self._step(point.x, trial.x) < TOLERANCE or 0 <= before - after < GAIN * after
+            if after > before and not small:
                 damping = max(FIRST_DAMPING, damping * SLOWER)
                 continue
             done = small and loss.convexity == 1.0 and damping == 0.0
@@ -115,7 +121,7 @@ class Solver:
         self, x: Float[np.ndarray, "samples n"], auv: int
     ) -> Float[np.ndarray, " some"]:
         """What is left of an AUV's measurements in a trajectory, in standard deviations."""
-        seen, mine = self.problem.seen(x), self._robust & (self.problem.rows.auv == auv)
+        seen, mine = self.problem.seen(x), self.robust & (self.problem.rows.auv == auv)
         return (seen.residual / seen.sigma)[mine]
 
     def _at(self, x: Float[np.ndarray, "samples n"], noise_cost: float) -> Point:
@@ -135,18 +141,18 @@ class Solver:
     def _cost(self, point: Point, loss: Loss, deviations: Point) -> float:
         """Sum of losses, by the deviations that another trajectory has."""
         r = point.seen.residual / deviations.seen.sigma
-        robust = self._robust
+        robust = self.robust
         usual = replace(loss, kind="squares").cost(r[~robust])
         return point.noise_cost + float(loss.cost(r[robust]).sum() + usual.sum())
 
     def _weights(self, r: Float[np.ndarray, " rows"], loss: Loss) -> Float[np.ndarray, " rows"]:
-        return np.where(self._robust, loss.weight(r), 1.0)
+        return np.where(self.robust, loss.weight(r), 1.0)
 
     def _gross(self, point: Point) -> Float[np.ndarray, " some"]:
-        return (point.seen.residual / point.seen.sigma)[self._robust]
+        return (point.seen.residual / point.seen.sigma)[self.robust]
 
     @property
-    def _robust(self) -> np.ndarray:
+    def robust(self) -> np.ndarray:
         """Rows that may be gross errors: all but headings."""
         compasses = [k for k, one in enumerate(self.problem.sensors) if heading_is(one)]
         return ~np.isin(self.problem.rows.sensor, compasses)
