@@ -61,6 +61,11 @@ class Ranged:
         """Which of them filters used."""
         return np.isin(self.fate, [fate for fate in Fate if fate.taken])
 
+    @property
+    def heard(self) -> list[int]:
+        """Numbers of the beacons that something came from."""
+        return np.unique(self.beacon).tolist()
+
     def of(self, *, auv: int | None = None, beacon: int | None = None) -> "Ranged":
         """The rows of an AUV, of a beacon, or of both."""
         chosen = np.ones(self.value.size, dtype=bool)
@@ -103,8 +108,7 @@ class Ranged:
 
     def summary(self) -> dict[str, Any]:
         """Counts, reasons and NIS, of all beacons and of each that was heard."""
-        heard = np.unique(self.beacon)
-        per_beacon = {self.beacons[b]: self.of(beacon=int(b))._figures() for b in heard}
+        per_beacon = {self.beacons[b]: self.of(beacon=b)._figures() for b in self.heard}
         return {**self._figures(), "beacon": per_beacon}
 
     def _figures(self) -> dict[str, Any]:

@@ -1,11 +1,13 @@
 """The run that a replayed recording is, on the uniform grid of its scenario."""
 
+from collections.abc import Sequence
 from datetime import datetime
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Integer
 
+from obsplan.fates import Fate
 from obsplan.ranged import Ranged
 from obsplan.record import REPLAY
 from obsplan.replay.estimates import Estimates
@@ -19,6 +21,37 @@ NEAR = 1e-6  # [s] between a time of the grid and that of the tape that is it
 UNKNOWN = "unknown"  # name of a beacon that no table has
 
 
+@runtime_checkable
+class Discarded(Protocol):
+    """A range that is not on a tape, and why."""
+
+    @property
+    def received(self) -> float:
+        """When it came [s]."""
+        ...
+
+    @property
+    def vehicle(self) -> str:
+        """Name of the AUV that it came to."""
+        ...
+
+    @property
+    def sender(self) -> str:
+        """Name of the beacon that it came from."""
+        ...
+
+    @property
+    def value(self) -> float:
+        """As measured [m]."""
+        ...
+
+    @property
+    def fate(self) -> Fate:
+        """Why no filter could take it."""
+        ...
+
+
+@runtime_checkable
 class Track(Protocol):
     """Where AUVs were by all that was measured, at the times of a tape."""
 
@@ -39,6 +72,7 @@ def run_of(
     estimates: Estimates,
     *,
     smoothed: Track | None = None,
+    discarded: Sequence[Discarded] = (),
     began: datetime | None = None,
     seconds: float = np.nan,
 ) -> Run:
@@ -48,6 +82,8 @@ def run_of(
     ----------
     smoothed
         Where AUVs were by all of their ranges.
+    discarded
+        Ranges that are not on the tape, which no filter could take.
     began
         When the tape's time was 0.
     seconds
@@ -60,8 +96,8 @@ def run_of(
     """
     at = grid(tape.time, scenario.time)
     auvs, samples = len(tape.auvs), at.size
-    ranged = ranges_of(tape, estimates)
-    beacons = _numbers(tape, scenario)
+    ranged = ranges_of(tape, estimates, discarded)
+    beacons = _numbers(ranged.beacons, scenario)
     nothing = np.full((auvs, samples), np.nan)
     aids = [_aid(tape, scenario, number, at) for number in range(len(scenario.aids))]
     first = aids[0]
@@ -122,33 +158,46 @@ def grid(
     return at
 
 
-def ranges_of(tape: Tape, estimates: Estimates) -> Ranged:
-    """What became of each range of a tape; those between AUVs have an AUV's name for a beacon."""
+def ranges_of(tape: Tape, estimates: Estimates, discarded: Sequence[Discarded] = ()) -> Ranged:
+    """What became of each range; those between AUVs have an AUV's name for a beacon.
+
+    Those that are not on the tape are at the end.
+    """
     kinds = [isinstance(one, Range | SquaredRange) for one in tape.sensors.values()]
     squared = any(isinstance(one, SquaredRange) for one in tape.sensors.values())
     rows = np.flatnonzero(np.array(kinds, dtype=bool)[tape.measurements.sensor])
     m = Measurements(*(column[rows] for column in tape.measurements))
-    names = (*tape.beacons, *tape.auvs, UNKNOWN)
+    known = (*tape.beacons, *tape.auvs)
+    names = tuple(dict.fromkeys((*known, UNKNOWN, *(one.sender for one in discarded))))
+    lost = [one for one in discarded if one.vehicle in tape.auvs]
+    nothing = np.full(len(lost), np.nan)
     return Ranged(
         auvs=tape.auvs,
         beacons=names,
         unit="m^2" if squared else "m",
-        sent=m.sent,
-        received=m.received,
-        auv=m.auv,
-        beacon=np.where(m.beacon < 0, len(names) - 1, m.beacon),
-        value=m.value,
-        innovation=estimates.innovation[rows],
-        variance=estimates.innovation_variance[rows],
-        fate=estimates.fate[rows],
+        sent=np.append(m.sent, nothing),
+        received=np.append(m.received, [one.received for one in lost]),
+        auv=_joined(m.auv, [tape.auvs.index(one.vehicle) for one in lost]),
+        beacon=_joined(
+            np.where(m.beacon < 0, names.index(UNKNOWN), m.beacon),
+            [names.index(one.sender) for one in lost],
+        ),
+        value=np.append(m.value, [one.value for one in lost]),
+        innovation=np.append(estimates.innovation[rows], nothing),
+        variance=np.append(estimates.innovation_variance[rows], nothing),
+        fate=_joined(estimates.fate[rows], [int(one.fate) for one in lost]),
     )
 
 
-def _numbers(tape: Tape, scenario: Scenario) -> Integer[np.ndarray, " names"]:
-    """The scenario's number of each of the tape's beacons and AUVs; -1 of what it has not."""
+def _joined(numbers: Integer[np.ndarray, " n"], more: list[int]) -> Integer[np.ndarray, " all"]:
+    """Whole numbers, and more of them."""
+    return np.concatenate([numbers, np.array(more, dtype=int)])
+
+
+def _numbers(names: Sequence[str], scenario: Scenario) -> Integer[np.ndarray, " names"]:
+    """The scenario's number of each beacon by its name; -1 of those that it has not."""
     known = [beacon.name for beacon in scenario.beacons]
-    found = [known.index(name) if name in known else -1 for name in tape.beacons]
-    return np.array([*found, *[-1] * len(tape.auvs), -1])
+    return np.array([known.index(name) if name in known else -1 for name in names])
 
 
 def _on_grid(

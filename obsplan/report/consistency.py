@@ -48,7 +48,8 @@ def _range_notes(name: str, own: Ranged, *, always: bool) -> list[str]:
         return []
     clauses = [_rejections(own)]
     if nis is not None:
-        clauses.append(_fit(nis) + _odd_beacons(own))
+        which = "those taken" if own.rejected else "they"
+        clauses.append(f"{which} {_fit(nis)}{_odd_beacons(own)}")
     notes = [f"{name}: {'; '.join(clauses)}."]
     if own.alarms:
         notes.append(
@@ -75,15 +76,14 @@ def _fit(nis: Nis) -> str:
     else:
         word = "more than" if nis.mean > nis.high else "less than"
     chance = f"chance allows {nis.low:.2f} to {nis.high:.2f} for {nis.count}"
-    return f"those taken scatter {word} its filter expects (NIS {nis.mean:.3g}; {chance})"
+    return f"scatter {word} its filter expects (NIS {nis.mean:.3g}; {chance})"
 
 
 def _odd_beacons(own: Ranged) -> str:
     """Beacons whose ranges scatter more than expected, the worst first."""
-    heard = np.unique(own.beacon)
-    if len(heard) < 2:
+    if len(own.heard) < 2:
         return ""
-    per_beacon = [(own.beacons[b], own.of(beacon=int(b)).nis) for b in heard]
+    per_beacon = [(own.beacons[b], own.of(beacon=b).nis) for b in own.heard]
     odd = [(name, nis.mean) for name, nis in per_beacon if nis and nis.mean > nis.high]
     odd.sort(key=lambda one: -one[1])
     if not odd:
