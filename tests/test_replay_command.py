@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 import obsplan.replay
 from obsplan.cli import app
 from obsplan.fates import Fate
+from obsplan.replay import Discarded
 from obsplan.scenario import Scenario
 from obsplan.tape import Tape
 from obsplan.types import ObsplanError
@@ -28,9 +29,7 @@ def mission():
 def command(mission, monkeypatch, tmp_path):
     """The program where ``field`` is a recording of the mission; what it is asked is kept."""
     asked = SimpleNamespace(start=None, per_beacon=None)
-    lost = SimpleNamespace(
-        received=2.0, vehicle="a", sender="whale", value=9.0, fate=Fate.UNKNOWN_BEACON
-    )
+    lost = Discarded(2.0, "a", "whale", 9.0, Fate.UNKNOWN_BEACON, "no place is known")
     recording = Recorded(mission.tape, mission.simulated.scenario, (lost,))
 
     def read(path):
@@ -42,9 +41,9 @@ def command(mission, monkeypatch, tmp_path):
         asked.start = start
         return mission.smoothed
 
-    def calibrate(tape, _scenario, *, per_beacon):
+    def calibrate(_tape, _scenario, *, per_beacon):
         asked.per_beacon = per_beacon
-        return SimpleNamespace(tape=tape, words=("scale: 1.07 ± 0.01",))
+        return SimpleNamespace(corrected=lambda tape: tape, words=("scale +0.07 ± 0.01",))
 
     for name, contents in (
         ("obsplan.replay.estimate", {"estimate": lambda *_: mission.estimates}),
@@ -92,7 +91,7 @@ def test_calibration_and_keys_of_the_scenario_are_asked_for_and_told(command):
     done = command.run(
         *("replay", "field", "--no-bound", "--calibrate", "each", "--set", "ranging.sigma=2.5")
     )
-    assert "scale: 1.07 ± 0.01" in done.output
+    assert "Calibrated: scale +0.07 ± 0.01." in done.output
     assert command.asked.per_beacon is True
     assert "sigma = 2.5" in (command.folder / "trial" / "scenario.toml").read_text()
 

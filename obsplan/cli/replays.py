@@ -110,7 +110,8 @@ def replayed(recording: "Recording", calibrate: Calibrate) -> "tuple[Run, list[s
     tape, scenario, notes = recording.tape, recording.scenario, []
     if calibrate is not Calibrate.NONE:
         found = calibrated(tape, scenario, per_beacon=calibrate is Calibrate.EACH)
-        tape, notes = found.tape, [*found.words]
+        tape = found.corrected(tape)
+        notes += [f"Calibrated: {words}." for words in found.words]
     begun = perf_counter()
     estimates = estimate(tape, scenario)
     seconds = perf_counter() - begun

@@ -1,16 +1,17 @@
 """The run that a replayed recording is, on the uniform grid of its scenario."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import datetime
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Integer
 
-from obsplan.fates import Fate
 from obsplan.ranged import Ranged
 from obsplan.record import REPLAY
 from obsplan.replay.estimates import Estimates
+from obsplan.replay.log import Discarded
 from obsplan.run import AidTrack, Run, Timing
 from obsplan.scenario import Scenario
 from obsplan.sensors import Range, SquaredRange
@@ -19,36 +20,6 @@ from obsplan.types import ObsplanError
 
 NEAR = 1e-6  # [s] between a time of the grid and that of the tape that is it
 UNKNOWN = "unknown"  # name of a beacon that no table has
-
-
-@runtime_checkable
-class Discarded(Protocol):
-    """A range that is not on a tape, and why."""
-
-    @property
-    def received(self) -> float:
-        """When it came [s]."""
-        ...
-
-    @property
-    def vehicle(self) -> str:
-        """Name of the AUV that it came to."""
-        ...
-
-    @property
-    def sender(self) -> str:
-        """Name of the beacon that it came from."""
-        ...
-
-    @property
-    def value(self) -> float:
-        """As measured [m]."""
-        ...
-
-    @property
-    def fate(self) -> Fate:
-        """Why no filter could take it."""
-        ...
 
 
 @runtime_checkable
@@ -98,11 +69,10 @@ def run_of(
     auvs, samples = len(tape.auvs), at.size
     ranged = ranges_of(tape, estimates, discarded)
     beacons = _numbers(ranged.beacons, scenario)
-    nothing = np.full((auvs, samples), np.nan)
     aids = [_aid(tape, scenario, number, at) for number in range(len(scenario.aids))]
     first = aids[0]
     value, fate, innovation, variance = _on_grid(scenario, ranged, beacons)
-    return Run(
+    run = Run(
         scenario=scenario,
         source=REPLAY,
         planner=REPLAY,
@@ -121,8 +91,11 @@ def run_of(
         ranges=value,
         bearings=np.empty((0, auvs, samples)),
         reports=np.zeros((auvs, samples), dtype=bool),
-        condition=nothing,
+        condition=np.full((auvs, samples), np.nan),
         timing=Timing(seconds=seconds, decision_seconds=[]),
+    )
+    return replace(
+        run,
         began=began,
         fates=fate,
         innovations=innovation,
