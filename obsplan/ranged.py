@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Integer
 
-from formulations.consistency import mean_interval
+from formulations.consistency import Runs, mean_interval, runs_of_signs
 from obsplan.fates import Fate
 
 ALARM = 0.2  # of the ranges: a filter that rejects more has something wrong
@@ -90,6 +90,11 @@ class Ranged:
         return Nis(float(squares.mean()), squares.size, low, high)
 
     @property
+    def runs(self) -> Runs:
+        """Whether signs of innovations follow each other by chance, of the ranges taken."""
+        return runs_of_signs(self.innovation[self.taken])
+
+    @property
     def rejected(self) -> dict[Fate, int]:
         """How many were not taken, by reason, the most frequent first."""
         codes, counts = np.unique(self.fate[~self.taken], return_counts=True)
@@ -121,6 +126,8 @@ class Ranged:
         if nis is not None:
             found["nis_mean"], found["nis_count"] = nis.mean, nis.count
             found["nis_low"], found["nis_high"] = nis.low, nis.high
+        if np.isfinite(self.runs.z):
+            found["runs_z"], found["runs_p"] = self.runs.z, self.runs.p
         return found
 
 

@@ -73,9 +73,9 @@ class Recorded:
 def test_replay_writes_the_files_of_a_run_and_says_what_became_of_ranges(command, mission):
     done = command.run("replay", "field", "--no-bound")
     assert done.exit_code == 0, done.output
-    assert "headings are 0.3 rad off." in done.output
+    assert "Headings are 0.3 rad off." in done.output
     assert "a: position known to " in done.output
-    assert "of 31 ranges 1 were rejected (1 unknown beacon)" in done.output
+    assert "of 31 ranges 1 was rejected (1 unknown beacon)" in done.output
     np.testing.assert_array_equal(command.asked.start, mission.estimates.mean)
     written = command.folder / "trial"
     assert (written / "nis.png").exists()

@@ -55,6 +55,7 @@ def replay(
     from obsplan.replay import read
     from obsplan.replay.shipped import find
     from obsplan.report import filter_notes, free_folder, run_table, verdicts, write_free, write_run
+    from obsplan.report.words import capital
 
     read_in = changed(read(find(recording)), settings or [])
     name = read_in.scenario.table.name
@@ -69,7 +70,7 @@ def replay(
     folder = write_free(out, name, lambda folder: write_run(run, folder, hindsight=weighed))
     with keeping(folder, WRITTEN):
         for note in (*read_in.notes, *notes):
-            say(note)
+            say(f"{capital(note).rstrip('.')}.")
         show(run_table(run))
         for sentence in (*verdicts(run), *filter_notes(run), *told):
             say(sentence)

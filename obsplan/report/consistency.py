@@ -10,6 +10,7 @@ from obsplan.run import Run
 
 TELLING = 4.0  # mean NEES, 2 if consistent, of errors sqrt(2) times too large: to be told apart
 INSIDE = 5.991  # NEES on the 95 % ellipse: chi-square with 2 degrees
+BY_CHANCE = 1e-3  # probability of so few changes of sign, below which they are no chance
 MOST_BEACONS = 3  # told one by one
 
 
@@ -50,6 +51,7 @@ def _range_notes(name: str, own: Ranged, *, always: bool) -> list[str]:
     if nis is not None:
         which = "those taken" if own.rejected else "they"
         clauses.append(f"{which} {_fit(nis)}{_odd_beacons(own)}")
+        clauses += _lasting(own)
     notes = [f"{name}: {'; '.join(clauses)}."]
     if own.alarms:
         notes.append(
@@ -66,7 +68,19 @@ def _rejections(own: Ranged) -> str:
     if not own.rejected:
         return f"all of its {came} ranges were taken"
     reasons = ", ".join(f"{count} {fate.words}" for fate, count in own.rejected.items())
-    return f"of {came} ranges {sum(own.rejected.values())} were rejected ({reasons})"
+    count = sum(own.rejected.values())
+    return f"of {came} ranges {count} {'was' if count == 1 else 'were'} rejected ({reasons})"
+
+
+def _lasting(own: Ranged) -> list[str]:
+    """Beacons whose innovations keep their sign for longer than chance allows."""
+    runs = {own.beacons[b]: own.of(beacon=b).runs for b in own.heard}
+    lasting = [name for name, one in runs.items() if one.z < 0 and one.p < BY_CHANCE]
+    if not lasting:
+        return []
+    more = f" and {len(lasting) - MOST_BEACONS} more" if len(lasting) > MOST_BEACONS else ""
+    named = f"{', '.join(lasting[:MOST_BEACONS])}{more}"
+    return [f"those of {named} keep their sign, as by a bias or an error of the track that lasts"]
 
 
 def _fit(nis: Nis) -> str:
