@@ -71,6 +71,8 @@ def run_of(
     beacons = _numbers(ranged.beacons, scenario)
     aids = [_aid(tape, scenario, number, at) for number in range(len(scenario.aids))]
     first = aids[0]
+    truth = None if tape.truth is None else completed(tape.truth[:, at], scenario.time)
+    nothing = np.full((auvs, samples), np.nan)
     value, fate, innovation, variance = _on_grid(scenario, ranged, beacons)
     run = Run(
         scenario=scenario,
@@ -85,13 +87,13 @@ def run_of(
         score=first.score,
         status=first.status,
         others=tuple(aids[1:]),
-        truth=None if tape.truth is None else completed(tape.truth[:, at], scenario.time),
+        truth=truth,
         mean=estimates.mean[:, at],
         covariance=estimates.covariance[:, at],
         ranges=value,
         bearings=np.empty((0, auvs, samples)),
-        reports=np.zeros((auvs, samples), dtype=bool),
-        condition=np.full((auvs, samples), np.nan),
+        reports=nothing > 0,
+        condition=nothing,
         timing=Timing(seconds=seconds, decision_seconds=[]),
     )
     return replace(
@@ -143,6 +145,9 @@ def ranges_of(tape: Tape, estimates: Estimates, discarded: Sequence[Discarded] =
     known = (*tape.beacons, *tape.auvs)
     names = tuple(dict.fromkeys((*known, UNKNOWN, *(one.sender for one in discarded))))
     lost = [one for one in discarded if one.vehicle in tape.auvs]
+    to = [tape.auvs.index(one.vehicle) for one in lost]
+    sender = [names.index(one.sender) for one in lost]
+    why = [int(one.fate) for one in lost]
     nothing = np.full(len(lost), np.nan)
     return Ranged(
         auvs=tape.auvs,
@@ -150,15 +155,12 @@ def ranges_of(tape: Tape, estimates: Estimates, discarded: Sequence[Discarded] =
         unit="m^2" if squared else "m",
         sent=np.append(m.sent, nothing),
         received=np.append(m.received, [one.received for one in lost]),
-        auv=_joined(m.auv, [tape.auvs.index(one.vehicle) for one in lost]),
-        beacon=_joined(
-            np.where(m.beacon < 0, names.index(UNKNOWN), m.beacon),
-            [names.index(one.sender) for one in lost],
-        ),
+        auv=_joined(m.auv, to),
+        beacon=_joined(np.where(m.beacon < 0, names.index(UNKNOWN), m.beacon), sender),
         value=np.append(m.value, [one.value for one in lost]),
         innovation=np.append(estimates.innovation[rows], nothing),
         variance=np.append(estimates.innovation_variance[rows], nothing),
-        fate=_joined(estimates.fate[rows], [int(one.fate) for one in lost]),
+        fate=_joined(estimates.fate[rows], why),
     )
 
 
