@@ -17,7 +17,7 @@ class Nis(NamedTuple):
     """Mean normalised innovation squared, and what chance allows a consistent filter."""
 
     mean: float
-    count: int
+    samples: int
     low: float
     high: float
 
@@ -124,7 +124,7 @@ class Ranged:
         }
         nis = self.nis
         if nis is not None:
-            found["nis_mean"], found["nis_count"] = nis.mean, nis.count
+            found["nis_mean"], found["nis_count"] = nis.mean, nis.samples
             found["nis_low"], found["nis_high"] = nis.low, nis.high
         if np.isfinite(self.runs.z):
             found["runs_z"], found["runs_p"] = self.runs.z, self.runs.p

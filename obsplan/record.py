@@ -158,7 +158,8 @@ class Record:
         """Where the true position is known."""
         if self.truth is None:
             return np.zeros((len(self.mean), self.time.size), dtype=bool)
-        return np.isfinite(self.truth[..., :2]).all(axis=-1)
+        finite = np.isfinite(self.truth[..., :2])
+        return finite[..., 0] & finite[..., 1]
 
     @cached_property
     def places(self) -> Float[np.ndarray, "auvs samples 2"]:

@@ -89,7 +89,7 @@ def _fit(nis: Nis) -> str:
         word = "as"
     else:
         word = "more than" if nis.mean > nis.high else "less than"
-    chance = f"chance allows {nis.low:.2f} to {nis.high:.2f} for {nis.count}"
+    chance = f"chance allows {nis.low:.2f} to {nis.high:.2f} for {nis.samples}"
     return f"scatter {word} its filter expects (NIS {nis.mean:.3g}; {chance})"
 
 

@@ -27,7 +27,7 @@ class DeadReckoning:
         """East, north, heading and speed."""
         return STATES
 
-    def step(self, x: ca.SX, u: ca.SX, dt: float) -> ca.SX:
+    def step(self, x: ca.SX, u: ca.SX, dt: float | ca.SX) -> ca.SX:
         """State after dt seconds, as a CasADi expression."""
         east = x[0] + (x[3] * ca.cos(x[2]) + self.current[0]) * dt
         north = x[1] + (x[3] * ca.sin(x[2]) + self.current[1]) * dt

@@ -43,7 +43,7 @@ class Vehicle(Protocol):
         """Components of the state by name: `STATES`, then its own."""
         ...
 
-    def step(self, x: ca.SX, u: ca.SX, dt: float) -> ca.SX:
+    def step(self, x: ca.SX, u: ca.SX, dt: float | ca.SX) -> ca.SX:
         """State after dt seconds; u = (turn [rad], change of speed [m/s]) at the sample's end."""
         ...
 
