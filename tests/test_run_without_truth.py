@@ -123,6 +123,20 @@ def test_innovations_too_large_are_said_and_right_ones_are_not(replay):
     assert all("more than its filter expects" in note for note in filter_notes(loud))
 
 
+def test_several_positions_are_announced_with_the_time_at_which_one_is_left(replay):
+    fitting = np.ones(replay.simulated.mean.shape[:2])
+    time = replay.tape.time
+    fitting[1, (time >= 10.0) & (time < 70.5)] = 2
+    run = replay.run(hypotheses=fitting)
+    said = "b: two positions fit since 00:00:10; one left at 00:01:10."
+    assert run.announcements == (said,)
+    assert filter_notes(run)[-1] == said
+    fitting[1] = 3
+    assert replay.run(hypotheses=fitting).announcements == (
+        "b: three positions fit since 00:00:00; three are left at the end.",
+    )
+
+
 def test_of_several_ranges_within_a_sample_the_last_that_was_taken_is_on_the_grid(replay):
     m, estimates = replay.tape.measurements, replay.estimates
     thrice = np.flatnonzero((m.auv == 0) & (m.received == 8.0)).repeat(3)

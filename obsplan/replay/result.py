@@ -107,7 +107,6 @@ def run_of(
         hypotheses=estimates.hypotheses[:, at].astype(float),
         smoothed=None if smoothed is None else smoothed.mean[:, at, :2],
         smoothed_covariance=None if smoothed is None else smoothed.covariance[:, at],
-        announcements=estimates.announcements,
     )
 
 
