@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Integer
 
-from formulations.consistency import mean_interval
+from formulations.consistency import Runs, mean_interval, runs_of_signs
 from obsplan.fates import Fate
 
 ALARM = 0.2  # of the ranges: a filter that rejects more has something wrong
@@ -17,7 +17,7 @@ class Nis(NamedTuple):
     """Mean normalised innovation squared, and what chance allows a consistent filter."""
 
     mean: float
-    count: int
+    samples: int
     low: float
     high: float
 
@@ -61,6 +61,11 @@ class Ranged:
         """Which of them filters used."""
         return np.isin(self.fate, [fate for fate in Fate if fate.taken])
 
+    @property
+    def heard(self) -> list[int]:
+        """Numbers of the beacons that something came from."""
+        return np.unique(self.beacon).tolist()
+
     def of(self, *, auv: int | None = None, beacon: int | None = None) -> "Ranged":
         """The rows of an AUV, of a beacon, or of both."""
         chosen = np.ones(self.value.size, dtype=bool)
@@ -85,6 +90,11 @@ class Ranged:
         return Nis(float(squares.mean()), squares.size, low, high)
 
     @property
+    def runs(self) -> Runs:
+        """Whether signs of innovations follow each other by chance, of the ranges taken."""
+        return runs_of_signs(self.innovation[self.taken])
+
+    @property
     def rejected(self) -> dict[Fate, int]:
         """How many were not taken, by reason, the most frequent first."""
         codes, counts = np.unique(self.fate[~self.taken], return_counts=True)
@@ -103,8 +113,7 @@ class Ranged:
 
     def summary(self) -> dict[str, Any]:
         """Counts, reasons and NIS, of all beacons and of each that was heard."""
-        heard = np.unique(self.beacon)
-        per_beacon = {self.beacons[b]: self.of(beacon=int(b))._figures() for b in heard}
+        per_beacon = {self.beacons[b]: self.of(beacon=b)._figures() for b in self.heard}
         return {**self._figures(), "beacon": per_beacon}
 
     def _figures(self) -> dict[str, Any]:
@@ -115,8 +124,10 @@ class Ranged:
         }
         nis = self.nis
         if nis is not None:
-            found["nis_mean"], found["nis_count"] = nis.mean, nis.count
+            found["nis_mean"], found["nis_count"] = nis.mean, nis.samples
             found["nis_low"], found["nis_high"] = nis.low, nis.high
+        if np.isfinite(self.runs.z):
+            found["runs_z"], found["runs_p"] = self.runs.z, self.runs.p
         return found
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from obsplan.announced import announcements
 from obsplan.constraints import LimitHistory
 from obsplan.heard import Heard
 from obsplan.ranged import Ranged
@@ -86,7 +87,6 @@ class Record:
     hypotheses: Float[np.ndarray, "auvs samples"] | None = None  # how many positions fit
     smoothed: Float[np.ndarray, "auvs samples 2"] | None = None  # of all ranges: places [m]
     smoothed_covariance: Float[np.ndarray, "auvs samples 2 2"] | None = None
-    announcements: tuple[str, ...] = ()  # what filters said, with the time
 
     @property
     def names(self) -> list[str]:
@@ -158,7 +158,8 @@ class Record:
         """Where the true position is known."""
         if self.truth is None:
             return np.zeros((len(self.mean), self.time.size), dtype=bool)
-        return np.isfinite(self.truth[..., :2]).all(axis=-1)
+        finite = np.isfinite(self.truth[..., :2])
+        return finite[..., 0] & finite[..., 1]
 
     @cached_property
     def places(self) -> Float[np.ndarray, "auvs samples 2"]:
@@ -194,6 +195,13 @@ class Record:
             variance=S[at],
             fate=self.fates[at].astype(int),
         )
+
+    @property
+    def announcements(self) -> tuple[str, ...]:
+        """When several positions fitted, and when one was left, a sentence an AUV."""
+        if self.hypotheses is None:
+            return ()
+        return announcements(self.names, self.time, self.hypotheses)
 
     @cached_property
     def error(self) -> Float[np.ndarray, "auvs samples"]:

@@ -25,7 +25,8 @@ auv = [{ speed = 0.5, survey = { kind = "waypoints", points = [[0.0, 0.0], [10.0
 ranging = { interval = 1.0 }
 """
 FILES = {
-    "scenario.toml", "tracks.nc", "tracks.csv", "map.png", "errors.png", "summary.json", "timing.json",
+    "scenario.toml", "tracks.nc", "tracks.csv", "ranges.csv", "map.png", "errors.png", "nis.png",
+    "summary.json", "timing.json",
     *(f"path.{name}" for name in ("bhv", "csv", "geojson", "gpx", "kml", "plan", "waypoints")),
 }  # fmt: skip
 

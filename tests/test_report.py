@@ -26,7 +26,9 @@ LAT, LON = 47.629, -122.337  # of harbor-survey's origin
 FILES = [
     "errors.png",
     "map.png",
+    "nis.png",
     *(f"path.{name}" for name in ("bhv", "csv", "geojson", "gpx", "kml", "plan", "waypoints")),
+    "ranges.csv",
     "scenario.toml",
     "summary.json",
     "timing.json",

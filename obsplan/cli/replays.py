@@ -53,9 +53,11 @@ def replay(
 
     from obsplan.cli.commands import certified
     from obsplan.replay import read
+    from obsplan.replay.shipped import find
     from obsplan.report import filter_notes, free_folder, run_table, verdicts, write_free, write_run
+    from obsplan.report.words import capital
 
-    read_in = read(recording, settings=settings or ())
+    read_in = changed(read(find(recording)), settings or [])
     name = read_in.scenario.table.name
     free_folder(out, name)  # a folder that cannot be made is refused before anything is done
     with progress(f"{name}, filter and smoother"):
@@ -68,11 +70,32 @@ def replay(
     folder = write_free(out, name, lambda folder: write_run(run, folder, hindsight=weighed))
     with keeping(folder, WRITTEN):
         for note in (*read_in.notes, *notes):
-            say(note)
+            say(f"{capital(note).rstrip('.')}.")
         show(run_table(run))
         for sentence in (*verdicts(run), *filter_notes(run), *told):
             say(sentence)
         say_written(folder, "map.png, errors.png, ranges.csv, tracks.csv, smoothed.csv and more")
+
+
+def changed(recording: "Recording", settings: list[str]) -> "Recording":
+    """The recording with other keys in its scenario.
+
+    Raises
+    ------
+    ObsplanError
+        A key or value that a scenario cannot have.
+    """
+    from dataclasses import replace
+
+    from obsplan.scenario import from_dict
+    from obsplan.scenario.settings import with_setting
+
+    scenario = recording.scenario
+    data = scenario.table.model_dump(exclude_unset=True, exclude_none=True)
+    for setting in settings:
+        data = with_setting(data, setting)
+    other = from_dict(data, source=scenario.source, folder=scenario.folder)
+    return replace(recording, scenario=other)
 
 
 def replayed(recording: "Recording", calibrate: Calibrate) -> "tuple[Run, list[str]]":
@@ -88,14 +111,21 @@ def replayed(recording: "Recording", calibrate: Calibrate) -> "tuple[Run, list[s
     tape, scenario, notes = recording.tape, recording.scenario, []
     if calibrate is not Calibrate.NONE:
         found = calibrated(tape, scenario, per_beacon=calibrate is Calibrate.EACH)
-        tape, notes = found.tape, [*found.words]
+        tape = found.corrected(tape)
+        notes += [f"Calibrated: {words}." for words in found.words]
     begun = perf_counter()
     estimates = estimate(tape, scenario)
     seconds = perf_counter() - begun
     smoothed = smooth(tape, scenario, start=estimates.mean)
     notes += [f"Smoother: {words}." for words in smoothed.words]
     run = run_of(
-        tape, scenario, estimates, smoothed=smoothed, began=recording.start, seconds=seconds
+        tape,
+        scenario,
+        estimates,
+        smoothed=smoothed,
+        discarded=recording.discarded,
+        began=recording.start,
+        seconds=seconds,
     )
     return run, notes
 
@@ -115,7 +145,7 @@ def after_all(run: "Run") -> tuple[dict[str, Any] | None, list[str]]:
 
 def recordings() -> None:
     """List the recorded missions that come with obsplan."""
-    from obsplan.replay import shipped
+    from obsplan.replay.shipped import shipped
 
     for name, description in shipped().items():
         say(f"{name:12}  {description}", indent=4)

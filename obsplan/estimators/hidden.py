@@ -37,7 +37,7 @@ class Extended:
         """The vehicle's, then the hidden ones."""
         return {**self.vehicle.states, **dict(self.hidden)}
 
-    def step(self, x: ca.SX, u: ca.SX, dt: float) -> ca.SX:
+    def step(self, x: ca.SX, u: ca.SX, dt: ca.SX | float) -> ca.SX:
         """State after dt seconds."""
         own = len(self.vehicle.states)
         moved, more = self.vehicle.step(x[:own], u, dt), x[own:]

@@ -18,4 +18,3 @@ class Estimates:
     innovation: Float[np.ndarray, " n"]
     innovation_variance: Float[np.ndarray, " n"]
     hypotheses: Float[np.ndarray, "auvs samples"]  # how many positions fit
-    announcements: tuple[str, ...] = ()  # what filters said, with the time

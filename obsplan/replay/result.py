@@ -1,7 +1,9 @@
 """The run that a replayed recording is, on the uniform grid of its scenario."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from datetime import datetime
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Integer
@@ -9,6 +11,7 @@ from jaxtyping import Bool, Float, Integer
 from obsplan.ranged import Ranged
 from obsplan.record import REPLAY
 from obsplan.replay.estimates import Estimates
+from obsplan.replay.log import Discarded
 from obsplan.run import AidTrack, Run, Timing
 from obsplan.scenario import Scenario
 from obsplan.sensors import Range, SquaredRange
@@ -19,6 +22,7 @@ NEAR = 1e-6  # [s] between a time of the grid and that of the tape that is it
 UNKNOWN = "unknown"  # name of a beacon that no table has
 
 
+@runtime_checkable
 class Track(Protocol):
     """Where AUVs were by all that was measured, at the times of a tape."""
 
@@ -39,6 +43,7 @@ def run_of(
     estimates: Estimates,
     *,
     smoothed: Track | None = None,
+    discarded: Sequence[Discarded] = (),
     began: datetime | None = None,
     seconds: float = np.nan,
 ) -> Run:
@@ -48,6 +53,8 @@ def run_of(
     ----------
     smoothed
         Where AUVs were by all of their ranges.
+    discarded
+        Ranges that are not on the tape, which no filter could take.
     began
         When the tape's time was 0.
     seconds
@@ -60,13 +67,14 @@ def run_of(
     """
     at = grid(tape.time, scenario.time)
     auvs, samples = len(tape.auvs), at.size
-    ranged = ranges_of(tape, estimates)
-    beacons = _numbers(tape, scenario)
-    nothing = np.full((auvs, samples), np.nan)
+    ranged = ranges_of(tape, estimates, discarded)
+    beacons = _numbers(ranged.beacons, scenario)
     aids = [_aid(tape, scenario, number, at) for number in range(len(scenario.aids))]
     first = aids[0]
+    truth = None if tape.truth is None else completed(tape.truth[:, at], scenario.time)
+    nothing = np.full((auvs, samples), np.nan)
     value, fate, innovation, variance = _on_grid(scenario, ranged, beacons)
-    return Run(
+    run = Run(
         scenario=scenario,
         source=REPLAY,
         planner=REPLAY,
@@ -79,14 +87,17 @@ def run_of(
         score=first.score,
         status=first.status,
         others=tuple(aids[1:]),
-        truth=None if tape.truth is None else completed(tape.truth[:, at], scenario.time),
+        truth=truth,
         mean=estimates.mean[:, at],
         covariance=estimates.covariance[:, at],
         ranges=value,
         bearings=np.empty((0, auvs, samples)),
-        reports=np.zeros((auvs, samples), dtype=bool),
+        reports=nothing > 0,
         condition=nothing,
         timing=Timing(seconds=seconds, decision_seconds=[]),
+    )
+    return replace(
+        run,
         began=began,
         fates=fate,
         innovations=innovation,
@@ -96,7 +107,6 @@ def run_of(
         hypotheses=estimates.hypotheses[:, at].astype(float),
         smoothed=None if smoothed is None else smoothed.mean[:, at, :2],
         smoothed_covariance=None if smoothed is None else smoothed.covariance[:, at],
-        announcements=estimates.announcements,
     )
 
 
@@ -122,33 +132,46 @@ def grid(
     return at
 
 
-def ranges_of(tape: Tape, estimates: Estimates) -> Ranged:
-    """What became of each range of a tape; those between AUVs have an AUV's name for a beacon."""
+def ranges_of(tape: Tape, estimates: Estimates, discarded: Sequence[Discarded] = ()) -> Ranged:
+    """What became of each range; those between AUVs have an AUV's name for a beacon.
+
+    Those that are not on the tape are at the end.
+    """
     kinds = [isinstance(one, Range | SquaredRange) for one in tape.sensors.values()]
     squared = any(isinstance(one, SquaredRange) for one in tape.sensors.values())
     rows = np.flatnonzero(np.array(kinds, dtype=bool)[tape.measurements.sensor])
     m = Measurements(*(column[rows] for column in tape.measurements))
-    names = (*tape.beacons, *tape.auvs, UNKNOWN)
+    known = (*tape.beacons, *tape.auvs)
+    names = tuple(dict.fromkeys((*known, UNKNOWN, *(one.sender for one in discarded))))
+    lost = [one for one in discarded if one.vehicle in tape.auvs]
+    to = [tape.auvs.index(one.vehicle) for one in lost]
+    sender = [names.index(one.sender) for one in lost]
+    why = [int(one.fate) for one in lost]
+    nothing = np.full(len(lost), np.nan)
     return Ranged(
         auvs=tape.auvs,
         beacons=names,
         unit="m^2" if squared else "m",
-        sent=m.sent,
-        received=m.received,
-        auv=m.auv,
-        beacon=np.where(m.beacon < 0, len(names) - 1, m.beacon),
-        value=m.value,
-        innovation=estimates.innovation[rows],
-        variance=estimates.innovation_variance[rows],
-        fate=estimates.fate[rows],
+        sent=np.append(m.sent, nothing),
+        received=np.append(m.received, [one.received for one in lost]),
+        auv=_joined(m.auv, to),
+        beacon=_joined(np.where(m.beacon < 0, names.index(UNKNOWN), m.beacon), sender),
+        value=np.append(m.value, [one.value for one in lost]),
+        innovation=np.append(estimates.innovation[rows], nothing),
+        variance=np.append(estimates.innovation_variance[rows], nothing),
+        fate=_joined(estimates.fate[rows], why),
     )
 
 
-def _numbers(tape: Tape, scenario: Scenario) -> Integer[np.ndarray, " names"]:
-    """The scenario's number of each of the tape's beacons and AUVs; -1 of what it has not."""
+def _joined(numbers: Integer[np.ndarray, " n"], more: list[int]) -> Integer[np.ndarray, " all"]:
+    """Whole numbers, and more of them."""
+    return np.concatenate([numbers, np.array(more, dtype=int)])
+
+
+def _numbers(names: Sequence[str], scenario: Scenario) -> Integer[np.ndarray, " names"]:
+    """The scenario's number of each beacon by its name; -1 of those that it has not."""
     known = [beacon.name for beacon in scenario.beacons]
-    found = [known.index(name) if name in known else -1 for name in tape.beacons]
-    return np.array([*found, *[-1] * len(tape.auvs), -1])
+    return np.array([known.index(name) if name in known else -1 for name in names])
 
 
 def _on_grid(

@@ -10,6 +10,7 @@ from obsplan.run import Run
 
 TELLING = 4.0  # mean NEES, 2 if consistent, of errors sqrt(2) times too large: to be told apart
 INSIDE = 5.991  # NEES on the 95 % ellipse: chi-square with 2 degrees
+BY_CHANCE = 1e-3  # probability of so few changes of sign, below which they are no chance
 MOST_BEACONS = 3  # told one by one
 
 
@@ -48,7 +49,9 @@ def _range_notes(name: str, own: Ranged, *, always: bool) -> list[str]:
         return []
     clauses = [_rejections(own)]
     if nis is not None:
-        clauses.append(_fit(nis) + _odd_beacons(own))
+        which = "those taken" if own.rejected else "they"
+        clauses.append(f"{which} {_fit(nis)}{_odd_beacons(own)}")
+        clauses += _lasting(own)
     notes = [f"{name}: {'; '.join(clauses)}."]
     if own.alarms:
         notes.append(
@@ -65,7 +68,19 @@ def _rejections(own: Ranged) -> str:
     if not own.rejected:
         return f"all of its {came} ranges were taken"
     reasons = ", ".join(f"{count} {fate.words}" for fate, count in own.rejected.items())
-    return f"of {came} ranges {sum(own.rejected.values())} were rejected ({reasons})"
+    count = sum(own.rejected.values())
+    return f"of {came} ranges {count} {'was' if count == 1 else 'were'} rejected ({reasons})"
+
+
+def _lasting(own: Ranged) -> list[str]:
+    """Beacons whose innovations keep their sign for longer than chance allows."""
+    runs = {own.beacons[b]: own.of(beacon=b).runs for b in own.heard}
+    lasting = [name for name, one in runs.items() if one.z < 0 and one.p < BY_CHANCE]
+    if not lasting:
+        return []
+    more = f" and {len(lasting) - MOST_BEACONS} more" if len(lasting) > MOST_BEACONS else ""
+    named = f"{', '.join(lasting[:MOST_BEACONS])}{more}"
+    return [f"those of {named} keep their sign, as by a bias or an error of the track that lasts"]
 
 
 def _fit(nis: Nis) -> str:
@@ -74,16 +89,15 @@ def _fit(nis: Nis) -> str:
         word = "as"
     else:
         word = "more than" if nis.mean > nis.high else "less than"
-    chance = f"chance allows {nis.low:.2f} to {nis.high:.2f} for {nis.count}"
-    return f"those taken scatter {word} its filter expects (NIS {nis.mean:.3g}; {chance})"
+    chance = f"chance allows {nis.low:.2f} to {nis.high:.2f} for {nis.samples}"
+    return f"scatter {word} its filter expects (NIS {nis.mean:.3g}; {chance})"
 
 
 def _odd_beacons(own: Ranged) -> str:
     """Beacons whose ranges scatter more than expected, the worst first."""
-    heard = np.unique(own.beacon)
-    if len(heard) < 2:
+    if len(own.heard) < 2:
         return ""
-    per_beacon = [(own.beacons[b], own.of(beacon=int(b)).nis) for b in heard]
+    per_beacon = [(own.beacons[b], own.of(beacon=b).nis) for b in own.heard]
     odd = [(name, nis.mean) for name, nis in per_beacon if nis and nis.mean > nis.high]
     odd.sort(key=lambda one: -one[1])
     if not odd:

@@ -31,21 +31,9 @@ DECIMALS = 6  # in tables: micrometres, microradians
 BLOCK = 4096  # samples of a table that are made at once
 
 TRACK_COLUMNS = (
-    "time_s",
-    "cna_x_m",
-    "cna_y_m",
-    "cna_heading_rad",
-    "cna_turn_rate_radps",
-    "auv",
-    "auv_x_m",
-    "auv_y_m",
-    "auv_heading_rad",
-    "est_x_m",
-    "est_y_m",
-    "sigma_x_m",
-    "sigma_y_m",
-    "error_m",
-    "range_m",
+    *("time_s", "cna_x_m", "cna_y_m", "cna_heading_rad", "cna_turn_rate_radps"),
+    *("auv", "auv_x_m", "auv_y_m", "auv_heading_rad", "est_x_m", "est_y_m"),
+    *("sigma_x_m", "sigma_y_m", "error_m", "range_m"),
 )
 
 
@@ -126,8 +114,6 @@ def write_run(
     from obsplan.report.errors import errors_figure
     from obsplan.report.innovations import innovations_figure, shows_innovations
     from obsplan.report.map import map_figure
-    from obsplan.report.measurements import has_more_measured, measurements_csv
-    from obsplan.report.ranged import ranges_csv, smoothed_csv
     from obsplan.report.style import png
 
     summary = summary_of(run)
@@ -140,15 +126,8 @@ def write_run(
     with new_folder(Path(folder)) as made:
         write_atomically(made / "scenario.toml", scenario_toml(run))
         write_netcdf(run, made / "tracks.nc")
-        write_atomically(made / "tracks.csv", tracks_csv(run))
-        if run.others:
-            write_atomically(made / "aids.csv", aids_csv(run))
-        if not run.is_replay and has_more_measured(run.scenario):
-            write_atomically(made / "measurements.csv", measurements_csv(run))
-        if run.ranged is not None:
-            write_atomically(made / "ranges.csv", ranges_csv(run, run.ranged))
-        if run.smoothed is not None:
-            write_atomically(made / "smoothed.csv", smoothed_csv(run, run.smoothed))
+        for name, table in tables(run).items():
+            write_atomically(made / name, table)
         for export in exports:
             write_paths(run, export, made)
         write_atomically(made / "map.png", png(partial(map_figure, run)))
@@ -157,6 +136,23 @@ def write_run(
             write_atomically(made / "nis.png", png(partial(innovations_figure, run)))
         write_atomically(made / "summary.json", as_json(summary))
         write_atomically(made / "timing.json", as_json(timing(run)))
+
+
+def tables(run: Run) -> dict[str, Iterator[str]]:
+    """The tables of a run by their file names, in pieces."""
+    from obsplan.report.measurements import has_more_measured, measurements_csv
+    from obsplan.report.ranged import ranges_csv, smoothed_csv
+
+    found = {"tracks.csv": tracks_csv(run)}
+    if run.others:
+        found["aids.csv"] = aids_csv(run)
+    if not run.is_replay and has_more_measured(run.scenario):
+        found["measurements.csv"] = measurements_csv(run)
+    if run.ranged is not None:
+        found["ranges.csv"] = ranges_csv(run, run.ranged)
+    if run.smoothed is not None:
+        found["smoothed.csv"] = smoothed_csv(run, run.smoothed)
+    return found
 
 
 def write_comparison(rows: Rows, folder: Path | str, title: str = "") -> None:

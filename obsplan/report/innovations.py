@@ -33,6 +33,7 @@ MARKERS = {
     Fate.INNOVATION: "x",
     Fate.UNKNOWN_BEACON: "d",
 }
+OTHER = "*"
 
 
 def shows_innovations(run: Run) -> bool:
@@ -59,11 +60,11 @@ def draw_innovations(axes: Axes, run: Run, i: int) -> None:
     scale, _ = time_axis(run.time)
     length = run.time[-1] / scale[-1]
     time, normalised = own.received / length, own.normalised
-    for b in np.unique(own.beacon):
+    for b in own.heard:
         shown = (own.beacon == b) & own.taken
         axes.plot(time[shown], normalised[shown], color=_colour(run.ranged, b), **_TAKEN)
-    for fate, marker in MARKERS.items():
-        rejected = own.fate == fate
+    for fate in own.rejected:
+        rejected, marker = own.fate == fate, MARKERS.get(fate, OTHER)
         seen = rejected & np.isfinite(normalised)
         axes.plot(time[seen], normalised[seen], marker=marker, **_REJECTED)
         unseen = time[rejected & ~seen]
@@ -98,7 +99,7 @@ def innovation_handles(run: Run) -> list[Line2D | Patch]:
 
 
 def _handles(ranged: Ranged) -> Iterator[Line2D | Patch]:
-    heard = np.unique(ranged.beacon)
+    heard = ranged.heard
     for b in heard[:MOST_BEACONS]:
         yield Line2D([], [], color=_colour(ranged, b), **_TAKEN, label=named(ranged.beacons[b]))
     if len(heard) > MOST_BEACONS:
@@ -106,4 +107,6 @@ def _handles(ranged: Ranged) -> Iterator[Line2D | Patch]:
         yield Line2D([], [], color=FAINT, **_TAKEN, label=f"and {more} more")
     yield Patch(**_BAND, label="95 % if consistent")
     for fate in ranged.rejected:
-        yield Line2D([], [], marker=MARKERS[fate], **_REJECTED, label=f"rejected: {fate.words}")
+        yield Line2D(
+            [], [], marker=MARKERS.get(fate, OTHER), **_REJECTED, label=f"rejected: {fate.words}"
+        )

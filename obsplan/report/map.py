@@ -62,8 +62,9 @@ def map_figure(run: Run) -> Figure:
     tracks = [*aid_tracks(run), *map(finite, run.places)]
     draw_labels(axes, _draw_marks(axes, run), tracks, inch=inch)
     origin = run.scenario.table.origin
-    axes.set_xlabel(f"East of {degrees(origin.lon, 'E', 'W')} [m]")
-    axes.set_ylabel(f"North of {degrees(origin.lat, 'N', 'S')} [m]")
+    told = (origin.lat, origin.lon) != (0.0, 0.0)  # what a recording that does not say has
+    axes.set_xlabel(f"East of {degrees(origin.lon, 'E', 'W')} [m]" if told else "East [m]")
+    axes.set_ylabel(f"North of {degrees(origin.lat, 'N', 'S')} [m]" if told else "North [m]")
     draw_heading(axes, heading(run))
     draw_bar_and_north(axes, float(width), inch)
     draw_notes(axes, off_the_map(run, low, high))

@@ -35,6 +35,9 @@ def record(
         aids.append(AidTrack(carry.cna[:, c], turn_rate, speed, score, status))
     first, planner = aids[0], planners[0]
     label = planner.condition_label if isinstance(planner, NamesCondition) else ""
+    # decided at a step's beginning
+    condition = np.concatenate([by_auv(log.condition)[..., 0], missing], axis=1)
+    reports = np.concatenate([missing > 0, by_auv(log.report)[..., 0] > 0], axis=1)
     return Run(
         scenario=scenario,
         planner=name_of(planner),
@@ -54,9 +57,8 @@ def record(
         fates=measured(log.fate),
         innovations=measured(log.innovation),
         innovation_variances=measured(log.innovation_variance),
-        reports=np.concatenate([missing > 0, by_auv(log.report)[..., 0] > 0], axis=1),
-        # decided at its beginning
-        condition=np.concatenate([by_auv(log.condition)[..., 0], missing], axis=1),
+        reports=reports,
+        condition=condition,
         score=first.score,
         status=first.status,
         timing=timing,
