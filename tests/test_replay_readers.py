@@ -400,6 +400,14 @@ def test_a_factor_graph_is_read(tmp_path):
     assert any("1 loop closure" in note for note in recording.notes)
 
 
+def test_poses_in_another_frame_than_the_landmarks_are_no_truth(tmp_path):
+    path = tmp_path / "graph.pyfg"
+    path.write_text(GRAPH.replace("L0 5.0 5.0", "L0 905.0 5.0"))
+    recording = read(path)
+    assert recording.tape.truth is None
+    assert any("not in the landmarks' frame" in note for note in recording.notes)
+
+
 def test_a_list_of_one_way_travel_times_is_read_as_the_ranges_of_its_folder(tmp_path):
     circling(tmp_path)
     (tmp_path / "ranges.csv").unlink()

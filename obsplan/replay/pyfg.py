@@ -31,6 +31,7 @@ PASSED_OVER = {
 }
 MOST_LINES = 2_000_000
 FARTHEST = 1e6  # of any number but a time
+ASTRAY = 0.25  # of the ranges, by which they miss poses in another frame
 
 
 @dataclass
@@ -69,8 +70,9 @@ def read_pyfg(path: Path) -> Log:
     if not chains:
         raise ObsplanError(f"{path} has no VERTEX_SE2: give a planar graph with its poses")
     times = _times(log, graph, chains)
+    placed = _is_placed(log, graph)
     for vehicle, poses in chains.items():
-        _add_vehicle(log, graph, vehicle, poses, times)
+        _add_vehicle(log, graph, vehicle, poses, times, placed=placed)
     for name, place in graph.landmarks.items():
         nothing = np.array([np.nan])
         log.beacons[name] = Fixes(nothing, np.array([place]), np.zeros(1), nothing, False)
@@ -159,10 +161,36 @@ def _times(log: Log, graph: Graph, chains: dict[str, list[str]]) -> dict[str, fl
     return {name: float(number_of(name)) for name in graph.poses}
 
 
+def _is_placed(log: Log, graph: Graph) -> bool:
+    """Whether the poses are in the landmarks' frame, by the ranges; said if they are not."""
+    pairs = [
+        (graph.poses[pose][1:3], graph.landmarks[mark], values[1])
+        for pose, mark, values in graph.ranges
+        if pose in graph.poses and mark in graph.landmarks
+    ]
+    if not pairs:
+        return True
+    at, marks, told = (np.array(column) for column in zip(*pairs, strict=True))
+    miss = float(np.median(np.abs(np.hypot(*(at - marks).T) - told)))
+    placed = miss <= ASTRAY * float(np.median(told))
+    if not placed:
+        log.note(
+            f"{log.path.name}: ranges miss the poses by {miss:.0f} m in the median, so that these "
+            "are not in the landmarks' frame: neither the truth nor where to begin is known"
+        )
+    return placed
+
+
 def _add_vehicle(
-    log: Log, graph: Graph, vehicle: str, poses: list[str], times: dict[str, float]
+    log: Log,
+    graph: Graph,
+    vehicle: str,
+    poses: list[str],
+    times: dict[str, float],
+    *,
+    placed: bool,
 ) -> None:
-    """A vehicle's odometry, truth and first estimate."""
+    """A vehicle's odometry and, if poses are placed among landmarks, truth and first estimate."""
     steps = {(base, to): values[1:4] for base, to, values in graph.edges}
     rows = [[0.0, 0.0, 0.0]]
     for base, to in pairwise(poses):
@@ -176,6 +204,8 @@ def _add_vehicle(
     if motion is None:
         return
     log.motions[vehicle] = motion
+    if not placed:
+        return
     true = np.array([graph.poses[name] for name in poses])
     order = np.argsort(time, kind="stable")
     nothing = np.zeros(time.size)
