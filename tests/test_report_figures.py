@@ -172,9 +172,22 @@ def test_errors_have_a_row_per_auv_and_one_of_separation_consistency_and_conditi
 
 
 def test_errors_have_no_condition_number_where_the_planner_has_none(anchored):
-    figure = errors_figure(anchored)
+    figure = errors_figure(replace(anchored, hypotheses=None))
     assert len(figure.axes) == 3 + 2
     assert not any("κ" in text for text in texts(figure))
+
+
+def test_errors_have_a_panel_of_the_positions_that_fit_where_there_were_several(anchored):
+    fitting = np.ones((1, anchored.time.size))
+    assert not any("Positions" in text for text in texts(errors_figure(told(anchored, fitting))))
+    fitting[0, 3:9] = 2
+    figure = errors_figure(told(anchored, fitting))
+    assert any("Positions that fit" in text for text in texts(figure))
+    np.testing.assert_array_equal(figure.axes[-1].lines[0].get_ydata(), fitting[0])
+
+
+def told(run, fitting):
+    return replace(run, hypotheses=fitting)
 
 
 def test_long_missions_are_told_in_minutes(formation):
