@@ -13,9 +13,8 @@ from obsplan.smoothing.smoothed import Hidden, Smoothed, smooth
 from obsplan.tape import Tape
 from obsplan.types import ObsplanError
 
-ALIKE = (
-    0.99  # a correlation beyond it, of either sign: two constants that only their sum is known of
-)
+# a correlation beyond it, of either sign: only one combination of the two is known
+ALIKE = 0.995
 UNTOLD = (
     0.5  # a standard deviation above this share of the prior's: the ranges told next to nothing
 )
