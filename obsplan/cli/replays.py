@@ -111,7 +111,7 @@ def replayed(recording: "Recording", calibrate: Calibrate) -> "tuple[Run, list[s
     tape, scenario, notes = recording.tape, recording.scenario, []
     if calibrate is not Calibrate.NONE:
         found = calibrated(tape, scenario, per_beacon=calibrate is Calibrate.EACH)
-        tape = found.corrected(tape)
+        tape = found.tape
         notes += [f"Calibrated: {words}." for words in found.words]
     begun = perf_counter()
     estimates = estimate(tape, scenario)

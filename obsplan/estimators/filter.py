@@ -6,7 +6,7 @@ It evaluates the expressions of `Filtering`, which the simulator's step is made 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import casadi as ca
 import numpy as np
@@ -248,4 +248,5 @@ class _Verbs:
 def _measured(sensor: Sensor) -> tuple[list[SX], Seen]:
     """Symbols of a measurement, and the measurement."""
     z, told = symbol("z"), symbol("told", len(BEACON) + 2)
-    return [z, told], Seen(z, Stated(sensor=sensor), told)
+    stated = cast(Sensor, Stated(sensor=sensor))  # whose `periodic` is no class's
+    return [z, told], Seen(z, stated, told)

@@ -26,7 +26,7 @@ PATIENCE = 2
 FAR = 4.0
 LIVING = 1e-3  # least share of a hypothesis that has a say in what is rejected
 GONE = -1e30  # logarithm of the weight of one that is not there
-MOST = 1e8  # by which a covariance is enlarged at most
+LEAST = 1e-12  # variance of what is expected of a range, where it is enlarged
 
 
 class Memory(NamedTuple):
@@ -138,8 +138,8 @@ class Filtering:
         """What is held after a range of a beacon, if it came, and with it ``also`` a bearing.
 
         A range that is rejected changes nothing, and no more what came with it. After some in a
-        row the estimate is taken to be wrong: covariances are enlarged until the range is as
-        expected, and it is believed.
+        row the estimate is taken to be wrong: until a range fits again, each is believed, the
+        covariance being enlarged until it is as expected.
         """
         nu, S = self._innovations(memory, seen)
         expected, variance = self._mixed(memory, nu, S)
@@ -158,9 +158,10 @@ class Filtering:
             after = self._split(memory, seen, after)
         result = chosen(take, after, memory)
         if self.gate:
-            missed = memory.misses[beacon] + 1
+            fits = reason == Fate.ACCEPTED
+            missed = ca.if_else(fits, 0.0, memory.misses[beacon] + rejected)
             misses = ca.SX(memory.misses)
-            misses[beacon] = ca.if_else(came, ca.if_else(rejected, missed, 0.0), misses[beacon])
+            misses[beacon] = ca.if_else(came, missed, misses[beacon])
             result = result._replace(misses=misses)
         fate = ca.if_else(reopened, float(Fate.REOPENED), reason)
         return result, Taken(fate, expected, variance)
@@ -186,14 +187,21 @@ class Filtering:
         return reason
 
     def _enlarged(self, memory: Memory, seen: Seen, nu: SX, S: SX, reopened: SX) -> Memory:
-        """Covariances so large that the range is as expected, where that is asked for."""
-        found = []
-        for k, (x, P) in enumerate(zip(memory.means, memory.covariances, strict=True)):
-            R = seen.sensor.deviation(x, seen.told) ** 2
-            spread = ca.fmax(S[k] - R, 1e-12)
-            factor = ca.fmin(MOST, ca.fmax(1.0, (nu[k] ** 2 - R) / spread))
-            found.append(ca.if_else(reopened, factor * P, P))
-        return memory._replace(covariances=found)
+        """Covariances so large that the range is as expected, where that is asked for.
+
+        They grow along the gain only: what this range does not tell of stays as it is, however
+        often that happens.
+        """
+
+        def direction(x: SX, P: SX, z: SX, told: SX) -> tuple[SX, ...]:
+            H = self.estimator.innovation(x, P, z, seen.sensor, told)[2]
+            along = P @ H.T
+            return (along / ca.fmax(H @ along, LEAST),)
+
+        more = ca.if_else(reopened, ca.fmax(nu**2 - S, 0.0), 0.0)
+        ways = [way for (way,) in self._of_each(direction, memory, seen.z, seen.told)]
+        known = zip(memory.covariances, ways, ca.vertsplit(more), strict=True)
+        return memory._replace(covariances=[symmetric(P + m * w @ w.T) for P, w, m in known])
 
     def _taken(self, memory: Memory, seen: Seen, nu: SX, S: SX, reopened: SX) -> Memory:
         """Hypotheses after a range that is not rejected.

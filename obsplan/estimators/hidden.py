@@ -5,7 +5,7 @@ They are added around a vehicle's model and around sensors, which know nothing o
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, cast
 
 import casadi as ca
 
@@ -125,4 +125,6 @@ def believed(
     hidden = {SCALE, CLOCK, COMPASS_BIAS, DEPTH, *CURRENT_STATES, bias_of(beacon)}
     if not hidden & {*states}:
         return sensor
-    return Believed(sensor=sensor, states=(*states,), beacon=beacon, sound_speed=sound_speed)
+    # whose `periodic` is no class's
+    found = Believed(sensor=sensor, states=(*states,), beacon=beacon, sound_speed=sound_speed)
+    return cast(Sensor, found)

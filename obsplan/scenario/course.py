@@ -74,6 +74,24 @@ class Course(Equipment):
                 return SEVERAL
         return 1
 
+    def process_noise(self, *, assumed: bool = False) -> Float[np.ndarray, "auvs 4"]:
+        """Standard deviations per square root of a second of (east, north, heading, speed).
+
+        They are the truth's, or those that the filter assumes; what grows with the distance
+        travelled is at the survey's mean speed.
+        """
+        override = self.table.estimator.process_noise if assumed else None
+        found = []
+        for i, auv in enumerate(self.table.auv):
+            noise = override or auv.process_noise
+            position, heading = noise.position, noise.heading_deg
+            if noise.position_per_meter or noise.heading_deg_per_meter:
+                way = np.sqrt(self.motions[i].speed.mean())
+                position = np.hypot(position, noise.position_per_meter * way)
+                heading = np.hypot(heading, noise.heading_deg_per_meter * way)
+            found.append([position, position, np.deg2rad(heading), noise.speed])
+        return np.array(found)
+
     def _thickness(self, apart: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Standard deviation of a range at some distances [m], a squared range's in metres."""
         sensor = self.filter_sensor

@@ -361,24 +361,6 @@ class Equipment:
         """The compass."""
         return Heading(sigma=float(np.deg2rad(self.table.ranging.heading_sigma_deg)))
 
-    def process_noise(self, *, assumed: bool = False) -> Float[np.ndarray, "auvs 4"]:
-        """Standard deviations per square root of a second of (east, north, heading, speed).
-
-        They are the truth's, or those that the filter assumes; what grows with the distance
-        travelled is at the survey's speed.
-        """
-        override = self.table.estimator.process_noise if assumed else None
-        found = []
-        for auv in self.table.auv:
-            noise = override or auv.process_noise
-            position, heading = noise.position, noise.heading_deg
-            if noise.position_per_meter or noise.heading_deg_per_meter:
-                way = np.sqrt(auv.speed)
-                position = np.hypot(position, noise.position_per_meter * way)
-                heading = np.hypot(heading, noise.heading_deg_per_meter * way)
-            found.append([position, position, np.deg2rad(heading), noise.speed])
-        return np.array(found)
-
     def first_estimates(
         self, truth: Float[np.ndarray, "auvs 4"], error: Float[np.ndarray, "auvs 4"]
     ) -> tuple[Float[np.ndarray, "auvs 4"], Float[np.ndarray, "auvs 4 4"]]:

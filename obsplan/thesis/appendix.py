@@ -57,7 +57,7 @@ def recorded(run: Run) -> "xr.Dataset":
     import xarray as xr
 
     every = slice(None, None, round(SAMPLING / run.scenario.table.time_step))
-    truth, mean, P = run.truth[0, every], run.mean[0, every], run.covariance[0, every]
+    truth, mean, P = run.true[0, every], run.mean[0, every], run.covariance[0, every]
     columns = {
         "cna_x": (run.cna[every, 0], "m"),
         "cna_y": (run.cna[every, 1], "m"),

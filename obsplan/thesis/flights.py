@@ -66,8 +66,8 @@ def tracks(runs: Sequence[Run]) -> "xr.Dataset":
     north = [run.cna[:, 1] for run in runs]
     heading = [run.cna[:, 2] for run in runs]
     turn_rate = [run.turn_rate for run in runs]
-    auv_east = [run.truth[..., 0] for run in runs]
-    auv_north = [run.truth[..., 1] for run in runs]
+    auv_east = [run.true[..., 0] for run in runs]
+    auv_north = [run.true[..., 1] for run in runs]
     distance = [run.separation for run in runs]
     condition = [run.condition for run in runs]
     variables = {

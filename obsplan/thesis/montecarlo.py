@@ -122,7 +122,7 @@ def is_mirrored(run: Run) -> bool:
     if its speed is the opposite: an aid vehicle at rest can never tell.
     """
     late = slice(run.time.size // 2, None)
-    truth, mean, center = run.truth[0, late, :2], run.mean[0, late, :2], run.cna[late, :2]
+    truth, mean, center = run.true[0, late, :2], run.mean[0, late, :2], run.cna[late, :2]
     return bool(
         np.median(np.hypot(*(mean - (2.0 * center - truth)).T)) < np.median(run.error[0, late])
     )
