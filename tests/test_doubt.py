@@ -50,6 +50,7 @@ def test_doubt_is_the_root_of_the_mean_excess_of_innovations_recounted_by_a_plai
     if kind == "squared-range":  # which has no outliers: it errs more than the filter is told
         more |= {"ranging__outliers": 0.0, "ranging__sigma": 10 * sigma}
         more |= {"estimator__ranging": {"sigma": sigma}}
+    more |= {"estimator__gate": 0.0, "estimator__hypotheses": 1}  # the plain filter takes all
     run, told = told_doubts(straight_on(**more, **DOUBTED))
     dt, squared = run.time[1], kind == "squared-range"
     Q = np.diag([0.05, 0.05, 0.0, 0.0]) ** 2 * dt

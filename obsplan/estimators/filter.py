@@ -16,10 +16,8 @@ from formulations.model.casadi import SX, Call, symbol
 from formulations.model.covariance import pack, pack_array, unpack_array
 from obsplan.estimators.estimator import Process
 from obsplan.estimators.filtering import GONE, Filtering, Memory, Seen
-from obsplan.estimators.hypotheses import Hypothesis, hypotheses, places, tidied
+from obsplan.estimators.hypotheses import Hypothesis, hypotheses, places, room_for, tidied
 from obsplan.sensors import BEACON, Sensor
-
-FEW = 4  # hypotheses: with room for so many, one event takes less time than with room for all
 
 
 class Outcome(NamedTuple):
@@ -171,8 +169,7 @@ class Filter:
         if not bank.size or bank[0]:
             return
         rows, known = tidied(bank, self._states)
-        room = next(n for n in (1, FEW, self.filtering.hypotheses) if n >= len(known))
-        room = min(room, self.filtering.hypotheses)
+        room = room_for(len(known), self.filtering.hypotheses)
         before, after = self._held[: self._bank.start], self._held[self._bank.stop :]
         self.filtering = replace(self.filtering, hypotheses=room)
         self._known.setdefault(room, _Verbs(self.filtering, self.process))

@@ -12,6 +12,7 @@ from obsplan.estimators.filtering import GONE
 NEGLIGIBLE = 1e-6  # least share that is kept
 SAME = 0.05  # two are merged that lose so little by it, by Runnalls's bound [nats per share]
 COUNTED = 0.01  # least share of a position that fits
+FEW = 4  # with room for so many a step takes less time than with room for all
 APART = 9.0  # squared Mahalanobis distance from which on two positions are two
 
 
@@ -34,6 +35,11 @@ def tidied(bank: Float[np.ndarray, " rows"], states: int) -> tuple[np.ndarray, l
     rows = [_row(one, float(np.log(one.share / greatest))) for one in kept]
     rows += [_row(kept[0], GONE)] * (_room(bank, states) - len(kept))
     return np.concatenate([bank[:1], *rows]), kept
+
+
+def room_for(living: int, room: int) -> int:
+    """Room for the living hypotheses, of the sizes that filters are made in, not above ``room``."""
+    return min(next(size for size in (1, FEW, room) if size >= min(living, room)), room)
 
 
 def hypotheses(bank: Float[np.ndarray, " rows"], states: int) -> list[Hypothesis]:

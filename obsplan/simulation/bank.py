@@ -5,11 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from obsplan.estimators.hypotheses import places, tidied
+from obsplan.estimators.hypotheses import places, room_for, tidied
 from obsplan.scenario import Scenario
 from obsplan.simulation.step import Carry, Inputs
-
-FEW = 4  # a step with room for so many is quicker than one for all
 
 
 @dataclass(kw_only=True)
@@ -45,4 +43,4 @@ class Bank:
             banks[i], known = tidied(bank, states)
             living = max(living, len(known))
             self.fitting[i, k:] = places(known)
-        self.room = next(n for n in (1, FEW, self.room) if n >= min(living, self.room))
+        self.room = room_for(living, self.room)

@@ -10,21 +10,19 @@ import numpy as np
 from jaxtyping import Float
 
 from formulations.model.casadi import SX
-from obsplan.estimators.jacobian import jacobian
-from obsplan.sensors import Sensor, residual
+from obsplan.estimators import Estimator
+from obsplan.sensors import Sensor
 
 NEWEST = 0.25  # weight of the newest range in the running mean, which so remembers some four
 
 
-def unexplained(x: SX, P: SX, z: SX, sensor: Sensor, beacon: SX) -> SX:
+def unexplained(estimator: Estimator, x: SX, P: SX, z: SX, sensor: Sensor, beacon: SX) -> SX:
     """By how much a squared innovation exceeds what the filter expects [m^2]; 0 in the mean.
 
     It is the innovation that the filter neglects, as in covariance matching (Mehra 1972), in metres
     along the line of sight.
     """
-    H = jacobian(lambda state: sensor.measure(state, beacon), x)
-    innovation = residual(sensor, z, sensor.measure(x, beacon))
-    expected = H @ P @ H.T + sensor.deviation(x, beacon) ** 2
+    innovation, expected, H = estimator.innovation(x, P, z, sensor, beacon)
     # a squared range's unit per metre; a slant range from above tells of no place: at least 1
     per_square_metre = ca.fmax(1.0, ca.sumsqr(H[:2]))
     return (innovation**2 - expected) / per_square_metre

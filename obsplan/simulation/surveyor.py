@@ -110,7 +110,7 @@ class Surveyor(NamedTuple):
             came = self._came(b, truth, seen, own)
             ranged = self._seen(b, truth, own)
             if has.doubted:
-                newest = unexplained(*filtering.moments(held), *ranged)
+                newest = unexplained(filtering.estimator, *filtering.moments(held), *ranged)
                 excess = ca.if_else(came, excess + NEWEST * (newest - excess), excess)
             bearing = self._bearing(b, truth, own)
             held, taken = filtering.ranged(held, ranged, b, came, bearing)
