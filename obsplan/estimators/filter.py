@@ -117,10 +117,12 @@ class Filter:
         sigma: float = np.nan,
         more: float = 0.0,
     ) -> Outcome:
-        """Take a range of a beacon, unless the gate rejects it; as `innovation`."""
+        """Take a range of a beacon, unless the gate rejects it; as `innovation`.
+
+        Once all that came at that time is taken, `tidy` follows.
+        """
         found = self._told(self._verbs.range(sensor, beacon), (z, *told, sigma, more))
         fate, nu, S = found[-3:].tolist()
-        self._tidy()
         return Outcome(int(fate), nu, S)
 
     @cached_property
@@ -163,7 +165,7 @@ class Filter:
         """How many positions fit."""
         return places(self.hypotheses)
 
-    def _tidy(self) -> None:
+    def tidy(self) -> None:
         """Drop and merge hypotheses, and keep no more room than they need."""
         bank = self._held[self._bank]
         if not bank.size or bank[0]:

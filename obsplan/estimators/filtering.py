@@ -26,6 +26,7 @@ PATIENCE = 2
 FAR = 4.0
 LIVING = 1e-3  # least share of a hypothesis that has a say in what is rejected
 GONE = -1e30  # logarithm of the weight of one that is not there
+ACROSS = 0.5  # of how far it was off along a range, the position may be off across it, too
 LEAST = 1e-12  # variance of what is expected of a range, where it is enlarged
 
 
@@ -189,19 +190,26 @@ class Filtering:
     def _enlarged(self, memory: Memory, seen: Seen, nu: SX, S: SX, reopened: SX) -> Memory:
         """Covariances so large that the range is as expected, where that is asked for.
 
-        They grow along the gain only: what this range does not tell of stays as it is, however
-        often that happens.
+        They grow along the gain. Across the range the position's deviation is made half as large,
+        and no larger, however often that happens: an estimate that is far off to the side is not
+        found by a range that only sees part of it. What else it does not tell of stays as it is.
         """
 
         def direction(x: SX, P: SX, z: SX, told: SX) -> tuple[SX, ...]:
             H = self.estimator.innovation(x, P, z, seen.sensor, told)[2]
             along = P @ H.T
-            return (along / ca.fmax(H @ along, LEAST),)
+            slope = ca.fmax(ca.norm_2(H[:2]), LEAST)
+            across = ca.vertcat(-H[1], H[0], ca.SX.zeros(x.numel() - 2)) / slope
+            return along / ca.fmax(H @ along, LEAST), across / slope, across.T @ P @ across
 
         more = ca.if_else(reopened, ca.fmax(nu**2 - S, 0.0), 0.0)
-        ways = [way for (way,) in self._of_each(direction, memory, seen.z, seen.told)]
+        ways = self._of_each(direction, memory, seen.z, seen.told)
         known = zip(memory.covariances, ways, ca.vertsplit(more), strict=True)
-        return memory._replace(covariances=[symmetric(P + m * w @ w.T) for P, w, m in known])
+        larger = []
+        for P, (along, across, variance), m in known:
+            missing = ca.fmax(ACROSS**2 * m - variance, 0.0)
+            larger.append(symmetric(P + m * along @ along.T + missing * across @ across.T))
+        return memory._replace(covariances=larger)
 
     def _taken(self, memory: Memory, seen: Seen, nu: SX, S: SX, reopened: SX) -> Memory:
         """Hypotheses after a range that is not rejected.

@@ -44,7 +44,7 @@ def room_for(living: int, room: int) -> int:
 
 def hypotheses(bank: Float[np.ndarray, " rows"], states: int) -> list[Hypothesis]:
     """All that a bank has room for, with their shares."""
-    rows = bank[1:].reshape(_room(bank, states), -1)
+    rows = bank[1:].reshape(_room(bank, states), -1).copy()  # the bank may be written on
     weights = np.exp(rows[:, -1] - rows[:, -1].max())
     shares = (weights / weights.sum()).tolist()
     covariances = unpack_array(rows[:, states:-1])

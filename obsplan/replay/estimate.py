@@ -85,11 +85,14 @@ class _Replay:
                 self._move(k)
             for row in range(begin, end):
                 self._take(row, k)
+            ranged = {*rows.auv[begin:end][rows.beacon[begin:end] >= 0].tolist()}
+            for i in ranged:
+                self.filters[i].tidy()
             begin = end
             for i, one in enumerate(self.filters):
                 self.mean[i, k], self.covariance[i, k] = one.mean, one.covariance
                 self.fitting[i, k] = self.fitting[i, k - 1] if k else 1
-                if (rows.auv[begin - 1] == i) if begin and end else False:
+                if i in ranged:
                     self.fitting[i, k] = one.fitting
         return Estimates(
             time=tape.time,

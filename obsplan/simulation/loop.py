@@ -269,7 +269,7 @@ class ClosedLoop:
                 self._advances[key] = Advance(self._step(bank.room), some)
             self._advances[key](carry, inputs, log, k)
             k += some
-            bank.tidy(carry, k)
+            bank.tidy(carry, k, np.isfinite(log.range[k - 1]))
 
     @cached_property
     def _advances(self) -> dict[tuple[int, int], Advance]:
