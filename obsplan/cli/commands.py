@@ -57,6 +57,7 @@ def run(
     )
     from obsplan.scenario import load
     from obsplan.simulation import simulate
+    from obsplan.simulation.afterwards import with_smoothed
 
     loaded = load(scenario, planner=planner, settings=settings or ())
     name = loaded.table.name
@@ -67,6 +68,8 @@ def run(
     if not flown.unbounded:
         with progress(f"{name}, certified bound") as advance:
             flown = certified(flown, advance)
+    with progress(f"{name}, smoother"):
+        flown, smoother_notes = with_smoothed(flown)
     with progress(f"{name}, path as loaded") as advance:
         exports, fault = exported(flown, advance)
     folder = write_free(out, name, lambda folder: write_run(flown, folder, exports))
@@ -76,6 +79,7 @@ def run(
         notes = (
             *verdicts(flown),
             *filter_notes(flown),
+            *smoother_notes,
             *heard,
             *limit_notes(flown),
             *planner_notes(flown),
