@@ -60,7 +60,8 @@ def test_cramer_rao_bound_is_the_covariance_of_a_filter_that_makes_no_error(kind
             ranging__kind=kind,
             ranging__sigma=0.8,
             environment__current=(0.3, 0.1),
-            estimator={"process_noise": noise},
+            # two positions that fit would be held, of which the mean is no truth
+            estimator={"process_noise": noise, "hypotheses": 1},
             duration=60.0,
         )
     )
