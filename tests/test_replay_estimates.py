@@ -1,7 +1,5 @@
 """Filters on a tape: what they make of a simulated run's is that run's estimates, and of the shipped recordings what is known of them."""
 
-from collections import Counter
-
 import numpy as np
 import pytest
 from oracles import scenario as two_auvs
@@ -9,9 +7,6 @@ from oracles import scenario as two_auvs
 import obsplan as op
 from obsplan.fates import Fate
 from obsplan.replay.estimate import estimate
-from obsplan.replay.read import read
-from obsplan.replay.result import ranges_of
-from obsplan.replay.shipped import find
 
 LOSSY = {
     "ranging__loss": 0.2,

@@ -133,12 +133,10 @@ class Filtering:
             weights = weighed(weights, nu**2 / S, S)
         return _with(memory, self._updates(memory, seen))._replace(weights=weights)
 
-    def ranged(
-        self, memory: Memory, seen: Seen, beacon: int, came: SX, also: tuple[Seen, ...] = ()
-    ) -> tuple[Memory, Taken]:
-        """What is held after a range of a beacon, if it came, and with it ``also`` a bearing.
+    def ranged(self, memory: Memory, seen: Seen, beacon: int, came: SX) -> tuple[Memory, Taken]:
+        """What is held after a range of a beacon, if it came.
 
-        A range that is rejected changes nothing, and no more what came with it. After some in a
+        A range that is rejected changes nothing. After some in a
         row the estimate is taken to be wrong: until a range fits again, each is believed, the
         covariance being enlarged until it is as expected.
         """
@@ -152,8 +150,6 @@ class Filtering:
             rejected = ca.logic_and(reason != Fate.ACCEPTED, ca.logic_not(reopened))
             before = self._enlarged(memory, seen, nu, S, reopened)
         after = self._taken(before, seen, nu, S, reopened)
-        for more in also:
-            after = _with(after, self._updates(after, more))
         take = ca.logic_and(came, ca.logic_not(rejected)) if self.gate else came
         if self.hypotheses > 1:
             after = self._split(memory, seen, after)
@@ -200,14 +196,16 @@ class Filtering:
             along = P @ H.T
             slope = ca.fmax(ca.norm_2(H[:2]), LEAST)
             across = ca.vertcat(-H[1], H[0], ca.SX.zeros(x.numel() - 2)) / slope
-            return along / ca.fmax(H @ along, LEAST), across / slope, across.T @ P @ across
+            return along / ca.fmax(H @ along, LEAST), across, slope
 
         more = ca.if_else(reopened, ca.fmax(nu**2 - S, 0.0), 0.0)
         ways = self._of_each(direction, memory, seen.z, seen.told)
         known = zip(memory.covariances, ways, ca.vertsplit(more), strict=True)
         larger = []
-        for P, (along, across, variance), m in known:
-            missing = ca.fmax(ACROSS**2 * m - variance, 0.0)
+        for P, (along, across, slope), m in known:
+            variance = across.T @ P @ across
+            missing = ca.fmax(ACROSS**2 * m / slope**2 - variance, 0.0)
+            missing = ca.if_else(m > 0, missing, 0.0)
             larger.append(symmetric(P + m * along @ along.T + missing * across @ across.T))
         return memory._replace(covariances=larger)
 
@@ -273,6 +271,11 @@ class Filtering:
         one = ca.Function("one", [x, half, *symbols], [*f(x, unpack(half, m), *symbols)])
         known = zip(memory.means, memory.covariances, strict=True)
         return [tuple(one.call([x, pack(P), *given])) for x, P in known]
+
+
+def is_taken(fate: SX) -> SX:
+    """Whether a range of this fate was used; what came with it is believed then, too."""
+    return ca.logic_or(ca.eq(fate, float(Fate.ACCEPTED)), ca.eq(fate, float(Fate.REOPENED)))
 
 
 def shares(weights: SX) -> SX:

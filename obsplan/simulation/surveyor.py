@@ -8,7 +8,7 @@ import numpy as np
 from formulations.model.casadi import SX
 from formulations.model.covariance import pack
 from formulations.model.ranging import Ranging, arrival, law_of
-from obsplan.estimators.filtering import Filtering, Memory, Seen, Taken, chosen
+from obsplan.estimators.filtering import Filtering, Memory, Seen, Taken, chosen, is_taken
 from obsplan.scenario import Scenario
 from obsplan.scenario.beacons import law_told
 from obsplan.scenario.communication import SILENT
@@ -112,12 +112,14 @@ class Surveyor(NamedTuple):
             if has.doubted:
                 newest = unexplained(filtering.estimator, *filtering.moments(held), *ranged)
                 excess = ca.if_else(came, excess + NEWEST * (newest - excess), excess)
-            bearing = self._bearing(b, truth, own)
-            held, taken = filtering.ranged(held, ranged, b, came, bearing)
+            held, taken = filtering.ranged(held, ranged, b, came)
             if has.repeated and not filtering.gate:
                 again, _ = filtering.ranged(held, ranged, b, came)
                 held = chosen(own.repeated[b], again, held)
-            bearings += [ca.if_else(came, one.z, np.nan) for one in bearing]
+            for bearing in self._bearing(b, truth, own):
+                believed = ca.logic_and(came, is_taken(taken.fate))
+                held = chosen(believed, filtering.observed(held, bearing), held)
+                bearings.append(ca.if_else(came, bearing.z, np.nan))
             ranges.append(ca.if_else(came, ranged.z, np.nan))
             fates.append([ca.if_else(came, one, np.nan) for one in taken])
             if beacon.carrier is not None:
