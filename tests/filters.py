@@ -1,6 +1,9 @@
 """Filters for tests, and what they are told: AUVs that dead reckon among beacons."""
 
+from contextlib import contextmanager
+
 import numpy as np
+from jaxtyping import config
 
 from obsplan.estimators import ESTIMATORS, Process
 from obsplan.estimators.filter import Filter
@@ -57,3 +60,13 @@ def flown(one, ranges, beacons, *, turn=0.0, sigma=1.0, dt=1.0):
         means.append(one.mean)
         covariances.append(one.covariance)
     return np.array(means), np.array(covariances), fates
+
+
+@contextmanager
+def unchecked():
+    """No shapes checked at each of ten thousand events, which takes ten times as long."""
+    config.update("jaxtyping_disable", True)
+    try:
+        yield
+    finally:
+        config.update("jaxtyping_disable", False)

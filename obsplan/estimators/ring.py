@@ -3,8 +3,8 @@ r"""Hypotheses from one range: a Gaussian prior and a ring about the beacon, as 
 The range's likelihood is a ring of Gaussians of equal weight: each is narrow across it and wide
 along it, where they overlap. A Gaussian prior times each is a Gaussian, with the weight of the
 prior's density there. Along the ring of radius z a prior of standard deviation σ at distance d from
-the beacon is von Mises with :math:`\kappa = z d / \sigma^2`, so the Gaussians need to cover
-:math:`\pm 3.5 / \sqrt{\kappa}` only; they may go all round.
+the beacon is von Mises with :math:`\kappa = z d / \sigma^2`, so the Gaussians need to cover only
+where :math:`\kappa (1 - \cos \theta) < 3.5^2 / 2`; they may go all round.
 """
 
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from formulations.model.casadi import SX, symbol
 from formulations.model.covariance import symmetric
 from obsplan.sensors import Sensor
 
-SPREAD = 3.5  # standard deviations of the prior along the ring that are covered
+SPREAD = 3.5  # standard deviations of the prior along the ring, as of a Gaussian, are covered
 OVERLAP = 0.65  # standard deviation of each along the ring, by the distance between two
 NEWTON = 8  # steps to the ring's radius
 
@@ -38,7 +38,8 @@ def ring(x: SX, P: SX, z: SX, sensor: Sensor, told: SX, count: int) -> Ring:
     towards = apart / distance
     radius, slope = _radius(x, z, sensor, told, towards, distance)
     widest = _widest(P)
-    half = ca.fmin(np.pi, SPREAD * ca.sqrt(widest / (radius * distance)))
+    kappa = radius * distance / widest
+    half = ca.acos(ca.fmax(1 - SPREAD**2 / (2 * kappa), -1.0))
     spacing = 2 * half / count
     along = OVERLAP * spacing * radius
     bulge = along**2 / (2 * radius)  # by how far a Gaussian on the tangent leaves the ring
