@@ -10,7 +10,6 @@ where :math:`\kappa (1 - \cos \theta) < 3.5^2 / 2`; they may go all round.
 from typing import NamedTuple
 
 import casadi as ca
-import numpy as np
 
 from formulations.model.casadi import SX, symbol
 from formulations.model.covariance import symmetric
