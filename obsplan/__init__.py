@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
-_HOME = {
+_TYPES = {
     "Belief": "types",
     "CentroidOrbit": "planners.centroid_orbit",
     "Circle": "planners.circle",
@@ -55,6 +55,8 @@ _HOME = {
     "Vehicle": "vehicles",
     "Waypoints": "surveys",
     "WholeMission": "planners.whole_mission",
+}
+_FUNCTIONS = {
     "calibrate": "smoothing",
     "from_dict": "scenario",
     "load": "scenario",
@@ -66,6 +68,7 @@ _HOME = {
     "write_netcdf": "recording",
     "write_run": "report.files",
 }
+_HOME = {**_TYPES, **_FUNCTIONS}
 
 if TYPE_CHECKING:
     from obsplan.campaign import load_campaign as load_campaign

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight")
-MOST = 6  # changes that are told one by one
+MOST = 6  # changes that are told one by one, the last among them
 
 
 def announcements(
@@ -23,9 +23,11 @@ def announcements(
         changed = np.flatnonzero(np.diff(counts, prepend=1.0))
         if not changed.size:
             continue
-        parts = [_change(int(counts[k]), clock(float(time[k]))) for k in changed[:MOST]]
+        parts = [_change(int(counts[k]), clock(float(time[k]))) for k in changed]
         if changed.size > MOST:
-            parts.append(f"{changed.size - MOST} more changes follow")
+            between = changed.size - MOST
+            word = "more change" if between == 1 else "more changes"
+            parts[MOST - 1 : -1] = [f"{between} {word}"]
         if counts[-1] > 1:
             parts.append(f"{_number(int(counts[-1]))} are left at the end")
         told.append(f"{name}: {'; '.join(parts)}.")

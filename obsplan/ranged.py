@@ -11,6 +11,7 @@ from obsplan.fates import Fate
 
 ALARM = 0.2  # of the ranges: a filter that rejects more has something wrong
 FEWEST = 10  # ranges of which a share is an alarm
+MISSED = 9.0  # mean NIS, of innovations three times as large as expected: an alarm, too
 
 
 class Nis(NamedTuple):
@@ -108,8 +109,9 @@ class Ranged:
 
     @property
     def alarms(self) -> bool:
-        """Whether so many were rejected that something must be wrong."""
-        return self.fate.size >= FEWEST and self.share_rejected > ALARM
+        """Whether so many were rejected, or missed by so much, that something must be wrong."""
+        missed = self.nis is not None and self.nis.mean > MISSED
+        return self.fate.size >= FEWEST and (self.share_rejected > ALARM or missed)
 
     def summary(self) -> dict[str, Any]:
         """Counts, reasons and NIS, of all beacons and of each that was heard."""

@@ -41,9 +41,9 @@ def command(mission, monkeypatch, tmp_path):
         asked.start = start
         return mission.smoothed
 
-    def calibrate(_tape, _scenario, *, per_beacon):
+    def calibrate(tape, _scenario, *, per_beacon):
         asked.per_beacon = per_beacon
-        return SimpleNamespace(corrected=lambda tape: tape, words=("scale +0.07 ± 0.01",))
+        return SimpleNamespace(tape=tape, words=("scale +0.07 ± 0.01",))
 
     for name, contents in (
         ("obsplan.replay.estimate", {"estimate": lambda *_: mission.estimates}),

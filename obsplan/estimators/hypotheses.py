@@ -14,6 +14,7 @@ SAME = 0.05  # two are merged that lose so little by it, by Runnalls's bound [na
 COUNTED = 0.01  # least share of a position that fits
 FEW = 4  # with room for so many a step takes less time than with room for all
 APART = 9.0  # squared Mahalanobis distance from which on two positions are two
+FARTHEST = 1e9  # of such distances: all beyond are alike
 
 
 class Hypothesis(NamedTuple):
@@ -116,4 +117,4 @@ def _apart(one: Hypothesis, other: Hypothesis) -> float:
     east, north = (one.mean - other.mean)[:2]
     determinant = max(S[0, 0] * S[1, 1] - S[0, 1] ** 2, 1e-300)
     weighed = S[1, 1] * east**2 - 2 * S[0, 1] * east * north + S[0, 0] * north**2
-    return float(weighed / determinant)
+    return float(weighed / determinant) if weighed < determinant * FARTHEST else FARTHEST

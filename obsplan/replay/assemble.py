@@ -10,7 +10,7 @@ from jaxtyping import Complex, Float
 
 from obsplan.missions.mission import FARTHEST
 from obsplan.quantities import DURATION
-from obsplan.replay import conventions
+from obsplan.replay import conventions, distances
 from obsplan.replay.beside import NOISE, First, Near, as_survey, first_estimate, make_scenario
 from obsplan.replay.compass import with_headings
 from obsplan.replay.conventions import Heard, Reckoned
@@ -97,10 +97,25 @@ class Merged:
         made = make_scenario(self.log, tables, self.beacons, self.rows, self.frame, duration, step)
         spread = np.sqrt(np.diagonal(first_covariance(made, made.truth_states), axis1=1, axis2=2))
         for j, first in enumerate(firsts):
-            sentence = self._doubt(j, first, tape, spread[j], made.range_sensor)
-            if sentence:
+            sentences = [
+                *self._doubts_of_ranges(j, tape, made.range_sensor),
+                self._doubt(j, first, tape, spread[j], made.range_sensor),
+            ]
+            for sentence in filter(None, sentences):
                 self.log.note(sentence)
         return made
+
+    def _doubts_of_ranges(self, j: int, tape: Tape, sensor: object) -> list[str]:
+        """Sentences on ranges that look like no metres, or too long."""
+        if not isinstance(sensor, Range):
+            return []
+        course = self.auvs[j]
+        moved = np.abs(np.diff(course.reckoned.place_at(tape.time) @ [1, 1j], prepend=0.0))
+        slant = sensor.geometry == "slant"
+        return [
+            distances.impossible_changes(course.name, tape, j, np.cumsum(moved), sensor.sigma),
+            distances.off_by_truth(course.name, tape, j, slant=slant),
+        ]
 
     def _first(self, j: int) -> First:
         """What a vehicle's filter begins with."""

@@ -212,7 +212,10 @@ def _aids(log: Log, beacons: dict[str, Fixes], duration: float) -> dict[str, Any
     else:
         # no scenario is without an aid vehicle; nobody ranges to this one
         aids = [_idle(transducers[0])]
-        log.note("no beacon moves: an aid vehicle that nobody ranges to lies at the first")
+        log.note(
+            "no beacon moves; as a scenario has an aid vehicle, one that nobody ranges to is put "
+            "at the first of them"
+        )
     return {"cna": aids[0] if len(aids) == 1 else aids, "beacon": transducers}
 
 

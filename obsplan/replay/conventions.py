@@ -84,9 +84,9 @@ def against_truth(track: Reckoned, truth: Float[np.ndarray, "samples n"]) -> str
     if least > min(BETTER * misfit(AS_IS), EXPLAINED):
         return ""
     return (
-        f'headings of "{track.name}" look {best.words}: so they differ from the directions of the '
-        f"true motion by {np.sqrt(least):.0%}, as they are by {np.sqrt(misfit(AS_IS)):.0%}; "
-        f"{best.remedy}, if that is so"
+        f'headings of "{track.name}" look {best.words}: as they are, the motion differs from the '
+        f"true one by {100 * np.sqrt(misfit(AS_IS)):.0f} % of its length, and once put right by "
+        f"{100 * np.sqrt(least):.0f} %; {best.remedy}, if that is so"
     )
 
 
@@ -118,8 +118,9 @@ def against_ranges(track: Reckoned, heard: Heard, first: complex, spread: float)
     if as_is < DOUBTFUL * heard.sigma or least > BETTER * as_is:
         return ""
     return (
-        f'headings of "{track.name}" look {best.words}: so ranges miss its dead-reckoned track by '
-        f"{least:.3g} m on average, as they are by {as_is:.3g} m; {best.remedy}, if that is so"
+        f'headings of "{track.name}" look {best.words}: as they are, ranges miss its dead-reckoned '
+        f"track by {as_is:.2g} m on average, and once put right by {least:.2g} m; {best.remedy}, "
+        "if that is so"
     )
 
 

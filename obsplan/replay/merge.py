@@ -14,6 +14,7 @@ from obsplan.replay.log import RESOLUTION, Discarded, Fixes, Log, Ranges, counte
 from obsplan.replay.motion import GAP, DeadReckoned
 from obsplan.sensors import BEACON
 from obsplan.tape import Measurements, Tape
+from obsplan.types import ObsplanError
 
 SHORTEST_COVER = 2.0  # [s]; fixes nearer than that are joined by a line whatever their rate
 
@@ -97,6 +98,7 @@ def sort_ranges(
         for i in np.flatnonzero(bad)
     ]
     _tell_discarded(log, discarded, len(bad))
+    _check_some(log, discarded, len(bad))
     good = rows.of(~bad)
     if (np.diff(good.received) < 0).any():
         log.note("ranges are not in the order of reception, which is taken")
@@ -178,6 +180,25 @@ def _tell_discarded(log: Log, discarded: Sequence[Discarded], in_all: int) -> No
         listed = ", ".join(f'"{sender}" {count}' for sender, count in [*of.items()][:5])
         total = sum(of.values())
         log.note(f"{total} of {counted(in_all, 'range')} left out: {reason} ({listed})")
+
+
+def _check_some(log: Log, discarded: Sequence[Discarded], in_all: int) -> None:
+    """Refuse ranges of which none can be taken; say that there are none.
+
+    Raises
+    ------
+    ObsplanError
+        Names the first one, and why.
+    """
+    if not in_all:
+        log.note("there are no ranges: the track is dead reckoning alone")
+    if discarded and len(discarded) == in_all:
+        first = discarded[0]
+        raise ObsplanError(
+            f"{log.path}: none of {counted(in_all, 'range')} can be taken; the first, of "
+            f'{first.value:.6g} m from "{first.sender}", received {first.received:g} s after the '
+            f"first motion, is {first.reason}: correct times, names or units"
+        )
 
 
 def _with_sigmas(log: Log, rows: Candidates) -> Candidates:

@@ -10,6 +10,9 @@ from obsplan.scenario.base import Table, tuples
 from obsplan.scenario.contents import check_contents
 from obsplan.scenario.files import read as read_toml
 from obsplan.scenario.messages import as_error
+from obsplan.scenario.tables import ScenarioTable
+from obsplan.spelling import nearest
+from obsplan.types import ObsplanError
 
 NAME = "recording.toml"
 
@@ -83,6 +86,10 @@ def read_settings(folder: Path) -> Settings:
     path = folder / NAME
     data = read_toml(path) if path.exists() else {}
     check_contents(data, NAME)
+    known = [*RecordingTable.model_fields, *ScenarioTable.model_fields]
+    unknown = next((key for key in data if key not in known), None)
+    if unknown is not None:
+        raise ObsplanError(f"{path}: unknown key {unknown}; {nearest(unknown, known)}")
     own = {key: data.pop(key) for key in [*data] if key in RecordingTable.model_fields}
     try:
         table = RecordingTable.model_validate(tuples(own))

@@ -21,7 +21,8 @@ MOST_ROWS = 2_000_000
 SHOWN = 4  # names of a column in a sentence
 LONGEST_NAME = 60  # letters of a vehicle or a beacon
 UNITS = {"_s": 1.0, "": 1.0, "_ms": 1e-3, "_us": 1e-6, "_ns": 1e-9}  # of times, by their ending
-INSTANT = Quantity(-1e10, 1e10, "s", "three hundred years about 1970")
+# of times
+INSTANT = Quantity(-1e10, 1e10, "s", "centuries about 1970; milliseconds are time_ms, say")
 _MISSING = ("", "nan", "none", "null", "-")
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from formulations.consistency import mean_interval
-from obsplan.ranged import Nis, Ranged
+from obsplan.ranged import ALARM, Nis, Ranged
 from obsplan.report.words import percent
 from obsplan.run import Run
 
@@ -54,12 +54,21 @@ def _range_notes(name: str, own: Ranged, *, always: bool) -> list[str]:
         clauses += _lasting(own)
     notes = [f"{name}: {'; '.join(clauses)}."]
     if own.alarms:
-        notes.append(
-            f"Alarm: the filter of {name} rejected {percent(own.share_rejected)} of its ranges. "
-            "Something that it counts on is wrong: look at headings, first estimate, beacons, "
-            "speed of sound and noise."
-        )
+        notes.append(_alarm(name, own, replayed=always))
     return notes
+
+
+def _alarm(name: str, own: Ranged, *, replayed: bool) -> str:
+    """That something is wrong, how it shows, and where to look for it."""
+    nis, found = own.nis, f"rejected {percent(own.share_rejected)} of its ranges"
+    if own.share_rejected <= ALARM and nis is not None:
+        found = f"misses its ranges by {np.sqrt(nis.mean):.1f} times what it expects"
+    calibrate = ", or by --calibrate whether ranges are too long or too short in proportion"
+    return (
+        f"Alarm: the filter of {name} {found}. Something that it counts on is wrong: look at "
+        "headings, first estimate, beacons, units, speed of sound and noise"
+        f"{calibrate if replayed else ''}."
+    )
 
 
 def _rejections(own: Ranged) -> str:

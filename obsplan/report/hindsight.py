@@ -82,8 +82,8 @@ class Hindsight:
         return (
             f"{worth}. The default planner ({self.planner}) on the same survey: "
             f"{_interval(self.errors.planned)}; your path, simulated under the same noise: "
-            f"{_interval(self.errors.own)}; it is the better in {better} of {len(self.seeds)} "
-            f"seeds. AUVs are taken to have been where {self.along}."
+            f"{_interval(self.errors.own)}; the planner is better in {better} of "
+            f"{len(self.seeds)} seeds. AUVs are taken to have been where {self.along}."
         )
 
 

@@ -53,7 +53,7 @@ def run_table(run: Run) -> Table:
     for key in columns:
         table.add_column(Text(COLUMNS[key][0]), justify="right")
     for name, figures in summary["auv"].items():
-        table.add_row(Text(name), *(_figure(key, figures[key]) for key in columns))
+        table.add_row(Text(name), *(_figure(key, figures.get(key)) for key in columns))
     if len(summary["auv"]) > 1:
         table.add_section()
         table.add_row("all", *(_figure(key, summary["all"][key]) for key in columns))
@@ -75,7 +75,7 @@ def run_html(run: Run) -> str:
         "<tbody>",
     ]
     for name, figures in rows.items():
-        cells = "".join(f"<td>{_figure(key, figures[key])}</td>" for key in columns)
+        cells = "".join(f"<td>{_figure(key, figures.get(key))}</td>" for key in columns)
         lines.append(f"<tr><th>{escape(name)}</th>{cells}</tr>")
     return "\n".join([*lines, "</tbody>", "</table>"])
 
@@ -93,7 +93,7 @@ def title(summary: dict[str, Any]) -> str:
 
 
 def _figure(key: str, value: Any) -> str:
-    """A figure of merit as its column shows it."""
+    """A figure of merit as its column shows it; of an AUV without truth some are not known."""
     return violation_cell(value) if key == "violation_max_m" else cell(value, IN_NOTEBOOKS[key][1])
 
 

@@ -66,7 +66,10 @@ def limit_name(limit: LimitHistory) -> str:
 
 
 def capital(text: str) -> str:
-    """A sentence's beginning."""
+    """A sentence's beginning; the name of a file or a key stays as it is."""
+    first = text.split(" ", 1)[0].rstrip(".:")
+    if "." in first or "_" in first:
+        return text
     return text[:1].upper() + text[1:]
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from obsplan.scenario import Scenario
+from obsplan.sensors import BEACON, Range
 from obsplan.smoothing.constants import BIAS, PRIORS, SCALE, constants_of, kinds_asked
 from obsplan.smoothing.smoothed import Hidden, Smoothed, smooth
 from obsplan.tape import Tape
@@ -18,6 +19,7 @@ ALIKE = 0.995
 UNTOLD = (
     0.5  # a standard deviation above this share of the prior's: the ranges told next to nothing
 )
+SURE = 2.0  # standard deviations, from which on a scale is put in words
 LEAST_WEIGHT = 0.1  # of ranges that a straight line is fitted to, where there is truth
 
 
@@ -113,15 +115,24 @@ def _check_apart(hidden: Hidden) -> None:
 
 def _table(hidden: Hidden) -> list[str]:
     """A line for each constant, and for each pair of scale and bias."""
-    words = [
-        f"{name} {value:+.5f} ± {sigma:.5f}{'' if name.startswith(SCALE) else ' m'}"
-        for name, value, sigma in zip(hidden.names, hidden.values, hidden.sigma, strict=True)
-    ]
+    words = []
+    for name, value, sigma in zip(hidden.names, hidden.values, hidden.sigma, strict=True):
+        if name.startswith(SCALE):
+            words.append(f"{name} {value:+.5f} ± {sigma:.5f}{_meaning(value, sigma)}")
+        else:
+            words.append(f"{name} {value:+.5f} ± {sigma:.5f} m")
     half = len(hidden.names) // 2  # scales, then biases
     for i in range(half):
         rho = hidden.correlation[i, i + half]
         words.append(f"correlation of {hidden.names[i]} and {hidden.names[i + half]} {rho:+.3f}")
     return words
+
+
+def _meaning(scale: float, sigma: float) -> str:
+    """What a scale is for ranges, where it is more than chance."""
+    if abs(scale) < SURE * sigma:
+        return ""
+    return f": ranges are {100 * abs(scale):.2g} % too {'long' if scale > 0 else 'short'}"
 
 
 def _fitted(tape: Tape, smoothed: Smoothed) -> list[str]:
@@ -134,6 +145,10 @@ def _fitted(tape: Tape, smoothed: Smoothed) -> list[str]:
     sample = np.searchsorted(tape.time, z.received[mine])
     away = tape.truth[z.auv[mine], sample, :2] - z.told[mine, :2]
     r = np.hypot(*away.T)
+    sensor, how = tape.sensors["range"], "horizontally"
+    if isinstance(sensor, Range) and sensor.geometry == "slant":
+        rows = [BEACON.index(name) for name in ("depth", "auv_depth")]
+        r, how = np.hypot(r, np.subtract(*z.told[mine][:, rows].T)), "over the depths"
     error = z.value[mine] - r
     known = np.isfinite(r)
     if np.unique(r[known]).size < 2:
@@ -141,7 +156,7 @@ def _fitted(tape: Tape, smoothed: Smoothed) -> list[str]:
     slope, offset = np.polyfit(r[known], error[known], 1)
     left = float(np.std(error[known] - offset - slope * r[known]))
     return [
-        f"by the truth, horizontally: scale {slope:+.5f}, bias {offset:+.5f} m, and {left:.3f} m "
+        f"by the truth, {how}: scale {slope:+.5f}, bias {offset:+.5f} m, and {left:.3f} m "
         "standard deviation of what is left"
     ]
 
