@@ -16,8 +16,9 @@ from formulations.model.casadi import SX, Call, symbol
 from formulations.model.covariance import pack, pack_array, unpack_array
 from obsplan.estimators.estimator import Process
 from obsplan.estimators.filtering import GONE, Filtering, Memory, Seen
-from obsplan.estimators.hypotheses import Hypothesis, hypotheses, places, tidied
+from obsplan.estimators.hypotheses import hypotheses, places, tidied
 from obsplan.sensors import BEACON, Sensor
+from obsplan.types import Hypothesis
 
 FEW = 4  # hypotheses: with room for so many, one event takes less time than with room for all
 

@@ -177,6 +177,11 @@ class EstimatorTable(Table):
     process_noise: ProcessNoise | None = Field(
         default=None, description="what the filter assumes; default: the truth's"
     )
+    motion: Literal["measured", "commanded"] = Field(
+        default="measured",
+        description="by which turns and changes of speed filters predict: as the AUV measured them, "
+        "its autopilot's corrections included, or as its survey commands them",
+    )
     states: HiddenTable = HiddenTable()
     gate: Annotated[float, GATE] = Field(
         default=4.0,
