@@ -82,9 +82,9 @@ class Belief:
     Raises
     ------
     ValueError
-        A negative weight or doubt, hypotheses whose shares do not add up to 1, a mean that is not 4 numbers, or a covariance that is not 4 x 4
-        or 5 x 5, symmetric and positive semidefinite within rounding. One that is not finite is
-        accepted, and planners answer it with a status.
+        A negative weight or doubt, hypotheses whose shares do not add up to 1, a mean that is not 4
+        numbers, or a covariance that is not 4 x 4 or 5 x 5, symmetric and positive semidefinite
+        within rounding. One that is not finite is accepted, and planners answer it with a status.
     """
 
     mean: Float[np.ndarray, "4"]

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 
 NOT_COMMANDED = (
-    'estimator.motion = "commanded" is not followed: a recording has only the motion that vehicles '
-    "measured, by which filters predict"
+    "a recording has only the motion that vehicles measured: filters predict by it, and not as "
+    'estimator.motion = "commanded" asks'
 )
 
 

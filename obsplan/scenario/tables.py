@@ -179,8 +179,8 @@ class EstimatorTable(Table):
     )
     motion: Literal["measured", "commanded"] = Field(
         default="measured",
-        description="by which turns and changes of speed filters predict: as the AUV measured them, "
-        "its autopilot's corrections included, or as its survey commands them",
+        description="turns and changes of speed by which filters predict: as AUVs measure them, "
+        "corrections of the autopilot included, or as surveys command them",
     )
     states: HiddenTable = HiddenTable()
     gate: Annotated[float, GATE] = Field(
