@@ -34,7 +34,8 @@ class Tape:
     """Motions, measurements and beacon tracks; the truth where there is one.
 
     Frames as in `obsplan.Run`. Turns, changes of speed and sway are what an AUV measured of itself
-    in the step that ends at a sample, headings what its compass said then; all begin at the second
+    in the step that ends at a sample (in a simulation with ``estimator.motion = "commanded"`` what
+    its survey commanded), headings what its compass said then; all begin at the second
     sample. Samples may be unevenly apart; each measurement is received at one of them. Its beacon
     is a number in ``beacons``, or that many and the number of another AUV.
     """

@@ -5,6 +5,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import InitVar, dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -48,6 +49,14 @@ class Pose:
     turn_rate: float = 0.0
 
 
+class Hypothesis(NamedTuple):
+    """One of the places where an AUV may be: a Gaussian of a sum of them."""
+
+    share: float  # its probability
+    mean: Float[np.ndarray, " m"]  # east, north [m], heading [rad], speed [m/s], and what follows
+    covariance: Float[np.ndarray, "m m"]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Belief:
     """What the planner knows of one AUV; the truth only under ``knowledge = "truth"``.
@@ -62,15 +71,20 @@ class Belief:
     besides what the covariance says; ``route`` its planned positions as a function of time from now
     [s], where they are known.
 
+    ``hypotheses`` are all of the estimate where its ranges fit several positions, and none where
+    there is one: mean and covariance are theirs together. They are as of the last report that was
+    heard, and dead-reckoned since. Where ``knowledge`` is ``"survey"`` or ``"truth"``, and of
+    planners that are expressions (`obsplan.planning.expressions`), they are not told.
+
     ``checked=False`` keeps the arrays themselves, whatever they hold. The simulator asks for it: a
     filter that has failed is for the planner to answer, with a status.
 
     Raises
     ------
     ValueError
-        A negative weight or doubt, a mean that is not 4 numbers, or a covariance that is not 4 x 4
-        or 5 x 5, symmetric and positive semidefinite within rounding. One that is not finite is
-        accepted, and planners answer it with a status.
+        A negative weight or doubt, hypotheses whose shares do not add up to 1, a mean that is not 4
+        numbers, or a covariance that is not 4 x 4 or 5 x 5, symmetric and positive semidefinite
+        within rounding. One that is not finite is accepted, and planners answer it with a status.
     """
 
     mean: Float[np.ndarray, "4"]
@@ -82,6 +96,7 @@ class Belief:
     depth: float = 0.0
     doubt: float = 0.0
     route: Callable[[np.ndarray], np.ndarray] | None = None
+    hypotheses: tuple[Hypothesis, ...] = ()
     checked: InitVar[bool] = True
 
     def __post_init__(self, checked: bool) -> None:
@@ -89,6 +104,8 @@ class Belief:
             raise ValueError(f"weight of an AUV must be at least 0, got {self.weight}")
         if checked and not self.doubt >= 0:
             raise ValueError(f"doubt of an AUV must be at least 0 m, got {self.doubt}")
+        if checked and self.hypotheses:
+            _check_shares([one.share for one in self.hypotheses])
         if checked:
             object.__setattr__(self, "mean", _checked_mean(self.mean))
             object.__setattr__(self, "covariance", _checked_covariance(self.covariance))
@@ -190,6 +207,15 @@ def as_points(points: Points) -> tuple[tuple[float, float], ...]:
             f"points must be pairs of numbers, east and north [m], got {_short(points)}"
         )
     return tuple((east, north) for east, north in pairs.tolist())
+
+
+def _check_shares(shares: Sequence[float]) -> None:
+    """Refuse shares that are no probabilities."""
+    if not (min(shares) >= 0 and abs(sum(shares) - 1) <= ROUNDING):
+        raise ValueError(
+            "shares of an AUV's hypotheses must be at least 0 and add up to 1, "
+            f"got {reprlib.repr([*shares])}"
+        )
 
 
 def _checked_mean(mean: np.ndarray) -> Float[np.ndarray, "4"]:

@@ -89,8 +89,10 @@ def test_replay_writes_the_files_of_a_run_and_says_what_became_of_ranges(command
 
 def test_calibration_and_keys_of_the_scenario_are_asked_for_and_told(command):
     done = command.run(
-        *("replay", "field", "--no-bound", "--calibrate", "each", "--set", "ranging.sigma=2.5")
+        *("replay", "field", "--no-bound", "--calibrate", "each", "--set", "ranging.sigma=2.5"),
+        *("--set", "estimator.motion=commanded"),
     )
+    assert "A recording has only the motion that vehicles measured" in done.output
     assert "Calibrated: scale +0.07 ± 0.01." in done.output
     assert command.asked.per_beacon is True
     assert "sigma = 2.5" in (command.folder / "trial" / "scenario.toml").read_text()

@@ -99,17 +99,26 @@ def test_command_is_held_between_decisions():
 # Filter
 
 
-@pytest.mark.parametrize("kind", ["range", "squared-range"])
-@pytest.mark.parametrize("current", [(0.0, 0.0), CURRENT])
-def test_estimates_are_those_of_a_filter_in_plain_numpy(kind, current):
+@pytest.mark.parametrize(
+    ("kind", "current", "motion"),
+    [
+        ("range", (0.0, 0.0), "measured"),
+        ("range", CURRENT, "measured"),
+        ("squared-range", (0.0, 0.0), "measured"),
+        ("squared-range", CURRENT, "measured"),
+        ("range", CURRENT, "commanded"),
+    ],
+)
+def test_estimates_are_those_of_a_filter_in_plain_numpy(kind, current, motion):
     noise = {"position": 0.08, "heading_deg": 1.0, "speed": 0.05}
     mission = scenario(
         ranging__kind=kind,
         ranging__sigma=1.0 if kind == "range" else 60.0,
         environment__current=current,
-        estimator={"process_noise": noise},
+        estimator={"process_noise": noise, "motion": motion},
     )
     run = op.simulate(mission, seed=5)
+    tape = op.to_tape(run)
     _, inputs = mission_inputs(mission, mission.starts, 5)
     Q = 0.5 * np.diag([0.08, 0.08, np.deg2rad(1.0), 0.05]) ** 2
     for i in range(2):
@@ -121,6 +130,11 @@ def test_estimates_are_those_of_a_filter_in_plain_numpy(kind, current):
             made = (
                 inputs.steer[k, i] - run.truth[i, k, 2:]
             )  # turn and change of speed, which the vehicle measures
+            if motion == "commanded":  # by the survey, whatever the vehicle does
+                survey = mission.motions[i]
+                made = np.array([np.diff(survey.heading)[k], np.diff(survey.speed)[k]])
+            told = tape.turn[i, k], tape.change_of_speed[i, k]
+            np.testing.assert_allclose(told, made, atol=1e-12)
             ekf.predict(*made)
             ekf.heading(run.truth[i, k + 1, 2] + inputs.heading_error[k, i, 0], np.deg2rad(1.0))
             if (k + 1) % 4 == 0:

@@ -16,6 +16,12 @@ if TYPE_CHECKING:
     from obsplan.run import Run
 
 
+NOT_COMMANDED = (
+    "a recording has only the motion that vehicles measured: filters predict by it, and not as "
+    'estimator.motion = "commanded" asks'
+)
+
+
 class Calibrate(StrEnum):
     """For which ranges a scale and a bias are found."""
 
@@ -108,7 +114,9 @@ def replayed(recording: "Recording", calibrate: Calibrate) -> "tuple[Run, list[s
     from obsplan.smoothing import calibrate as calibrated
     from obsplan.smoothing import smooth
 
-    tape, scenario, notes = recording.tape, recording.scenario, []
+    tape, scenario, notes = recording.tape, recording.scenario, list[str]()
+    if scenario.table.estimator.motion == "commanded":
+        notes.append(NOT_COMMANDED)
     if calibrate is not Calibrate.NONE:
         found = calibrated(tape, scenario, per_beacon=calibrate is Calibrate.EACH)
         tape = found.tape

@@ -16,8 +16,9 @@ from formulations.model.casadi import SX, Call, symbol
 from formulations.model.covariance import pack, pack_array, unpack_array
 from obsplan.estimators.estimator import Process
 from obsplan.estimators.filtering import GONE, Filtering, Memory, Seen
-from obsplan.estimators.hypotheses import Hypothesis, hypotheses, places, room_for, tidied
+from obsplan.estimators.hypotheses import hypotheses, places, room_for, tidied
 from obsplan.sensors import BEACON, Sensor
+from obsplan.types import Hypothesis
 
 
 class Outcome(NamedTuple):

@@ -1,13 +1,13 @@
 """Hypotheses of one AUV between ranges: the unlikely are dropped, those of one place are merged."""
 
 from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from formulations.model.covariance import pack_array, unpack_array
 from obsplan.estimators.filtering import GONE
+from obsplan.types import Hypothesis
 
 NEGLIGIBLE = 1e-6  # least share that is kept
 SAME = 0.05  # two are merged that lose so little by it, by Runnalls's bound [nats per share]
@@ -15,14 +15,6 @@ COUNTED = 0.01  # least share of a position that fits
 FEW = 4  # with room for so many a step takes less time than with room for all
 APART = 9.0  # squared Mahalanobis distance from which on two positions are two
 FARTHEST = 1e9  # of such distances: all beyond are alike
-
-
-class Hypothesis(NamedTuple):
-    """A place where an AUV may be."""
-
-    share: float  # its probability
-    mean: Float[np.ndarray, " m"]
-    covariance: Float[np.ndarray, "m m"]
 
 
 def tidied(bank: Float[np.ndarray, " rows"], states: int) -> tuple[np.ndarray, list[Hypothesis]]:

@@ -177,6 +177,11 @@ class EstimatorTable(Table):
     process_noise: ProcessNoise | None = Field(
         default=None, description="what the filter assumes; default: the truth's"
     )
+    motion: Literal["measured", "commanded"] = Field(
+        default="measured",
+        description="turns and changes of speed by which filters predict: as AUVs measure them, "
+        "corrections of the autopilot included, or as surveys command them",
+    )
     states: HiddenTable = HiddenTable()
     gate: Annotated[float, GATE] = Field(
         default=4.0,

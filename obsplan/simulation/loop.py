@@ -292,7 +292,7 @@ class ClosedLoop:
         for k in range(0, steps, every):
             n = min(every, steps - k)
             began = perf_counter()
-            auvs = self._beliefs(carry, inputs, k)
+            auvs = self._beliefs(carry, inputs, log, bank, k)
             time = float(inputs.time[k, 0, 0])
             poses = poses_of(carry, k)
             ask = partial(self._ask, poses=poses, auvs=auvs, team=team, time=time, free=free)
@@ -351,7 +351,7 @@ class ClosedLoop:
         with blamed(planner, "say which limits it keeps"):
             return isinstance(planner, KeepsLimits) and bool(planner.constraints == limits)
 
-    def _beliefs(self, carry: Carry, inputs: Inputs, k: int) -> list[Belief]:
+    def _beliefs(self, carry: Carry, inputs: Inputs, log: Log, bank: Bank, k: int) -> list[Belief]:
         """What the planner is told of each AUV."""
         scenario, now = self.scenario, float(inputs.time[k].item())
         knowledge = scenario.table.planner.knowledge
@@ -365,6 +365,10 @@ class ClosedLoop:
             None if knowledge == "estimate" else route(*known, now)
             for known in zip(scenario.references, means, strict=True)
         ]
+        is_estimate = told is reported
+        several = [
+            bank.reported(carry, log, k, i) if is_estimate else () for i in range(len(means))
+        ]
         return [
             Belief(
                 mean=mean,
@@ -375,9 +379,10 @@ class ClosedLoop:
                 depth=depth,
                 doubt=doubt,
                 route=along,
+                hypotheses=known,
                 checked=False,
             )
-            for mean, covariance, noise, auv, current, depth, doubt, along in zip(
+            for mean, covariance, noise, auv, current, depth, doubt, along, known in zip(
                 means,
                 covariances,
                 self._noises,
@@ -386,6 +391,7 @@ class ClosedLoop:
                 scenario.depths[k].tolist(),
                 doubts(carry.reported_excess[0]).tolist(),
                 routes,
+                several,
                 strict=True,
             )
         ]

@@ -69,7 +69,9 @@ class Surveyor(NamedTuple):
         vehicle = self.kind.vehicle
         after = vehicle.step(own.truth, u, scenario.table.time_step) + own.disturbance
         held = filtering.memory(own.mean, own.covariance, own.bank, own.misses)
-        held = filtering.predicted(held, u, process)
+        commanded = scenario.table.estimator.motion == "commanded"
+        told = own.steer - own.survey[2:BASIC] if commanded else u
+        held = filtering.predicted(held, told, process)
         nowhere = self._told(0, own)
         heading = scenario.heading_sensor.measure(after, nowhere) + own.heading_error
         compass = scenario.as_filtered(scenario.heading_sensor)

@@ -32,6 +32,8 @@ SPEED_UNIT = "m/s"  # of all others
 def to_tape(run: Run) -> Tape:
     """Say what the vehicles of a run moved, measured and heard, as a recording would.
 
+    Turns and changes of speed are those that the filter predicts with: as measured, or with
+    ``estimator.motion = "commanded"`` as the survey commands them.
     Ranges that were delivered twice are there twice; lost ones are not.
     """
     scenario = run.scenario
@@ -39,7 +41,10 @@ def to_tape(run: Run) -> Tape:
     _, inputs = mission_inputs(scenario, starts, run.seed)
     truth = run.true[..., :BASIC]
     # the autopilot brings heading and speed back to the survey's at the end of each step
-    steered = inputs.steer.swapaxes(0, 1) - truth[:, :-1, 2:]
+    before = truth[:, :-1, 2:]
+    if scenario.table.estimator.motion == "commanded":
+        before = inputs.survey[..., 2:BASIC].swapaxes(0, 1)
+    steered = inputs.steer.swapaxes(0, 1) - before
     drawn, beacons = Drawn.of(run), scenario.beacons
     return Tape(
         time=run.time,
