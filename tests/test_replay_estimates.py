@@ -8,6 +8,9 @@ from oracles import scenario as two_auvs
 import obsplan as op
 from obsplan.fates import TAKEN, Fate
 from obsplan.replay.estimate import estimate
+from obsplan.replay.read import read
+from obsplan.replay.result import ranges_of
+from obsplan.replay.shipped import find
 
 LOSSY = {
     "ranging__loss": 0.2,
