@@ -191,10 +191,9 @@ def _add_vehicle(
     placed: bool,
 ) -> None:
     """A vehicle's odometry and, if poses are placed among landmarks, truth and first estimate."""
-    steps = {(base, to): values[1:4] for base, to, values in graph.edges}
-    rows = [[0.0, 0.0, 0.0]]
-    for base, to in pairwise(poses):
-        rows.append(steps.pop((base, to), [math.nan] * 3))
+    steps = {(base, to): values[1:] for base, to, values in graph.edges}
+    edges = [steps.pop(pair, [math.nan] * 9) for pair in pairwise(poses)]
+    rows = [[0.0, 0.0, 0.0], *(edge[:3] for edge in edges)]
     loops = [base for base, _ in steps if vehicle_of(base) == vehicle]
     if loops:
         log.note(f"{log.path.name}: {counted(len(loops), 'loop closure')} of {vehicle} passed over")
@@ -204,6 +203,7 @@ def _add_vehicle(
     if motion is None:
         return
     log.motions[vehicle] = motion
+    _add_noise(log, vehicle, np.array(edges).reshape(-1, 9)[:, 3:], np.diff(time))
     if not placed:
         return
     true = np.array([graph.poses[name] for name in poses])
@@ -213,6 +213,34 @@ def _add_vehicle(
         time[order], true[order, 1:3], nothing, true[order, 3], geographic=False
     )
     _add_first_estimate(log, vehicle, graph.priors.get(poses[0]), true[0, 1:])
+
+
+def _add_noise(log: Log, vehicle: str, covariances: np.ndarray, elapsed: np.ndarray) -> None:
+    """The process noise that edges tell of, per root second, unless ``recording.toml`` says it."""
+    # of either triangle, by columns, the second variance is the third or the fourth number
+    place = (covariances[:, 0] + covariances[:, 2:4].max(axis=1)) / 2
+    rates = np.column_stack([place, covariances[:, 5]]) / elapsed[:, None]
+    rates = rates[np.isfinite(rates).all(axis=1) & (rates >= 0).all(axis=1)]
+    known = _told_of(log, vehicle)
+    if "process_noise" in known or not len(rates):
+        return
+    position, heading = np.sqrt(np.median(rates, axis=0)).tolist()
+    degrees = math.degrees(heading)
+    known["process_noise"] = {"position": position, "heading_deg": degrees, "speed": 0.0}
+    log.note(
+        f"{log.path.name}: process noise of {vehicle} is that of its edges: {position:.3g} m and "
+        f"{degrees:.3g} degrees per root second"
+    )
+
+
+def _told_of(log: Log, vehicle: str) -> dict[str, Any]:
+    """The table of a vehicle in ``recording.toml``, or a new one."""
+    auvs = log.settings.scenario.setdefault("auv", [])
+    known: dict[str, Any] | None = next((a for a in auvs if a.get("name") == vehicle), None)
+    if known is None:
+        known = {"name": vehicle}
+        auvs.append(known)
+    return known
 
 
 def _add_first_estimate(
@@ -229,11 +257,7 @@ def _add_first_estimate(
         # by columns of either triangle, the second variance is the fourth or the third number
         first["sigma_position"] = math.sqrt(max(prior[3], prior[5], prior[6], 0.0))
         first["sigma_heading_deg"] = min(math.degrees(math.sqrt(max(prior[8], 0.0))), 360.0)
-    auvs = log.settings.scenario.setdefault("auv", [])
-    known: dict[str, Any] | None = next((a for a in auvs if a.get("name") == vehicle), None)
-    if known is None:
-        known = {"name": vehicle}
-        auvs.append(known)
+    known = _told_of(log, vehicle)
     told = known.get("first_estimate", {})
     known["first_estimate"] = {**first, **told}
 
