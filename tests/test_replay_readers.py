@@ -397,6 +397,8 @@ def test_a_factor_graph_is_read(tmp_path):
     assert (measured.auv.tolist(), measured.beacon.tolist()) == ([0, 1], [0, 1])
     first = recording.scenario.table.auv[0].first_estimate
     assert (first.sigma_position, first.sigma_heading_deg) == pytest.approx((0.2, np.rad2deg(0.01)))
+    noise = recording.scenario.table.auv[0].process_noise
+    assert (noise.position, noise.heading_deg) == pytest.approx((0.1, np.rad2deg(0.001**0.5)))
     assert any("1 loop closure" in note for note in recording.notes)
 
 
@@ -669,4 +671,44 @@ def test_several_vehicles_need_their_names_in_every_table(tmp_path):
     circling(tmp_path)
     write(tmp_path, "odometry.csv", "time_s,vehicle,forward_m,turn_rad", rows)
     with pytest.raises(op.ObsplanError, match=r"2 vehicles, and a table without their names"):
+        read(tmp_path)
+
+
+def scaled_ranges(folder, factor):
+    """The circling vehicle's ranges, so many times as long."""
+    header, *rows = (folder / "ranges.csv").read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    write(folder, "ranges.csv", header, [(at, name, factor * float(r)) for at, name, r in cells])
+
+
+@pytest.mark.parametrize("truth", [True, False])
+def test_ranges_that_change_faster_than_vehicles_move_are_said(tmp_path, truth):
+    circling(tmp_path, truth=truth)
+    assert not any("look like no metres" in note for note in read(tmp_path).notes)
+    scaled_ranges(tmp_path, 1000.0)
+    assert any("look like no metres" in note for note in read(tmp_path).notes)
+
+
+def test_ranges_too_long_by_the_truth_are_said(tmp_path):
+    circling(tmp_path)
+    assert not any("by the truth" in note for note in read(tmp_path).notes)
+    scaled_ranges(tmp_path, 1.07)
+    assert any("are 7.0 % too long by the truth" in note for note in read(tmp_path).notes)
+    scaled_ranges(tmp_path, 0.001)
+    assert any("0.00107 times as long" in note for note in read(tmp_path).notes)
+
+
+def test_a_log_of_which_no_range_can_be_taken_is_refused(tmp_path):
+    circling(tmp_path)
+    text = (tmp_path / "ranges.csv").read_text()
+    (tmp_path / "ranges.csv").write_text(text.replace(",A,", ",C,").replace(",B,", ",C,"))
+    with pytest.raises(op.ObsplanError, match=r'none of 23 ranges .* from "C".*not recorded'):
+        read(tmp_path)
+    (tmp_path / "ranges.csv").write_text(text.splitlines()[0] + "\n")
+    assert any("dead reckoning alone" in note for note in read(tmp_path).notes)
+
+
+def test_a_misspelt_key_of_a_recording_is_told_the_one_that_was_meant(tmp_path):
+    circling(tmp_path, toml="sond_speed = 1490.0")
+    with pytest.raises(op.ObsplanError, match='did you mean "sound_speed"'):
         read(tmp_path)

@@ -15,6 +15,8 @@ from obsplan.fates import Fate
 from obsplan.replay.result import grid
 from obsplan.report import filter_notes, verdicts
 from obsplan.report.hindsight import hindsight, survey_of
+from obsplan.report.ranged import ranges_csv
+from obsplan.report.tables import run_html, run_table
 
 OF_THE_TRUTH = {
     *("rms_error_m", "max_error_m", "mean_nees", "pcrb_rms_m", "bound_rms_m", "efficiency"),
@@ -206,3 +208,28 @@ def test_surveys_of_tracks_are_where_tracks_are_when_they_are():
     )
     off = np.hypot(*(reference.sample(time).position - track).T)
     assert off[time <= 95.0].max() < 0.1  # chords of at least 2 m; after the last leg it waits
+
+
+def test_a_table_has_dashes_for_an_auv_whose_truth_is_not_known(replay):
+    run = replay.run()
+    truth = run.truth.copy()
+    truth[1] = np.nan
+    some = replace(run, truth=truth)
+    columns = [[*column.cells] for column in run_table(some).columns]
+    of_the_first, of_the_second, _ = zip(*columns, strict=True)
+    assert "–" not in of_the_first
+    assert "–" in of_the_second
+    assert "<td>–</td>" in run_html(some)
+
+
+def test_the_last_of_many_changes_is_told(replay):
+    fitting = np.ones(replay.simulated.mean.shape[:2])
+    for begin in range(10, 90, 10):
+        fitting[0, (replay.tape.time >= begin) & (replay.tape.time < begin + 5)] = 2
+    (said,) = replay.run(hypotheses=fitting).announcements
+    assert said.endswith("; 10 more changes; one left at 00:01:25.")
+
+
+def test_columns_of_ranges_that_a_simulation_cannot_fill_are_left_out(replay):
+    header = next(ranges_csv(replay.simulated, replay.simulated.ranged))
+    assert header.startswith("received_s,auv,")

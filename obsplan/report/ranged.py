@@ -32,11 +32,13 @@ SMOOTHED_COLUMNS = ("time_s", "auv", "x_m", "y_m", "sigma_x_m", "sigma_y_m")
 def ranges_csv(run: Run, ranged: Ranged) -> Iterator[str]:
     """One row a range, in pieces: what was measured and expected, and its fate in words.
 
-    ``received`` is the absolute time in UTC by ISO 8601, where a recording says when it began;
-    ``sigma`` is of the innovation, ``nis`` its square in units of that. What a filter did not look
-    at has none of these.
+    ``received`` is the absolute time in UTC by ISO 8601. It is left out where nobody says when the
+    run began, and ``sent_s`` where no range has a time of sending. ``sigma`` is of the innovation,
+    ``nis`` its square in units of that. What a filter did not look at has none of these.
     """
-    yield table_csv([RANGE_COLUMNS])
+    empty = [run.began is None and "received", np.isnan(ranged.sent).all() and "sent_s"]
+    kept = [k for k, name in enumerate(RANGE_COLUMNS) if name not in empty]
+    yield table_csv([[RANGE_COLUMNS[k] for k in kept]])
     auvs = [inert(name) for name in ranged.auvs]
     beacons = [inert(name) for name in ranged.beacons]
     words = {fate.value: fate.words for fate in Fate}
@@ -57,7 +59,7 @@ def ranges_csv(run: Run, ranged: Ranged) -> Iterator[str]:
             rounded(ranged.normalised[some] ** 2),
             [words[code] for code in ranged.fate[some]],
         )
-        yield table_csv(zip(*columns, strict=True))
+        yield table_csv(zip(*(columns[k] for k in kept), strict=True))
 
 
 def absolute(began: datetime | None, seconds: Float[np.ndarray, " n"]) -> list[str]:
