@@ -16,7 +16,7 @@ from obsplan.run import Run
 COLUMNS = {
     "rms_error_m": ("RMS error [m]", 2),
     "max_error_m": ("Worst error [m]", 2),
-    "smoothed_rms_error_m": ("Smoothed [m]", 2),
+    "smoothed_rms_error_m": ("Smooth [m]", 2),
     "sigma_rms_m": ("Own σ [m]", 2),
     "pcrb_rms_m": ("PCRB RMS [m]", 2),
     "bound_rms_m": ("Bound RMS [m]", 2),
@@ -34,7 +34,7 @@ SAID = {  # of columns that need an explanation
     "efficiency": "Eff.: Bound / PCRB",
     "mean_nees": "NEES: 2 if consistent",
     "separation_mean_m": "sep.: separation",
-    "smoothed_rms_error_m": "Smoothed: RMS error once all ranges are known",
+    "smoothed_rms_error_m": "Smooth: RMS error once all ranges are known",
     "sigma_rms_m": "Own σ: RMS error as the filter says it",
 }
 
