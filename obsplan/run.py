@@ -18,6 +18,7 @@ from obsplan.record import NO_TRUTH, AidTrack, Record, Timing, distance, rms
 from obsplan.scenario.states import noise
 from obsplan.sensors import Range, SquaredRange
 from obsplan.types import ObsplanError
+from obsplan.vehicles import STATES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -218,6 +219,22 @@ class Run(Record):
         }
         return found | self._estimation()
 
+    @property
+    def hidden(self) -> dict[str, dict[str, dict[str, Any]]]:
+        """What filters found out besides `STATES`: by AUV and state its last value and sigma."""
+        states = [*self.scenario.filter_states.items()][len(STATES) :]
+        found: dict[str, dict[str, dict[str, Any]]] = {}
+        for i, name in enumerate(self.names if states else ()):
+            last, P = self.mean[i, -1], self.covariance[i, -1]
+            if not np.isfinite(np.diag(P)).all():  # not recorded, or a filter that has failed
+                continue
+            own = {}
+            for k, (state, kind) in enumerate(states, start=len(STATES)):
+                sigma = float(np.sqrt(P[k, k]))
+                own[state] = {"value": float(last[k]), "sigma": sigma, "unit": kind.unit}
+            found[name] = own
+        return found
+
     def _estimation(self) -> dict[str, Any]:
         """Where the run comes from if not simulated, what became of ranges, what was announced."""
         found: dict[str, Any] = {"source": self.source} if self.is_replay else {}
@@ -226,6 +243,8 @@ class Run(Record):
         if self.ranged is not None:
             own = {name: self.ranged.of(auv=i) for i, name in enumerate(self.names)}
             found["ranges"] = {name: ranged.summary() for name, ranged in own.items()}
+        if self.hidden:
+            found["states"] = self.hidden
         if self.announcements:
             found["announcements"] = list(self.announcements)
         return found

@@ -118,6 +118,12 @@ def test_files_name_hidden_states_with_their_units(tmp_path):
     given = {name: {} for name in FALSE}
     slant = {"ranging__geometry": "slant", "auv__0__depth": 30.0, "duration": 10.0}
     run = op.simulate(op.from_dict(SEA).replace(estimator__states=given, **slant))
+    found = run.summary(bounds=False)["states"][run.names[0]]
+    for k, (name, state) in enumerate(run.scenario.filter_states.items()):
+        if k > 3:
+            value, sigma = run.mean[0, -1, k], run.covariance[0, -1, k, k] ** 0.5
+            assert found.pop(name) == {"value": value, "sigma": sigma, "unit": state.unit}
+    assert not found
     op.write_netcdf(run, tmp_path / "tracks.nc")
     with xr.open_dataset(tmp_path / "tracks.nc") as tracks:
         names = [*run.scenario.filter_states]

@@ -39,7 +39,19 @@ def filter_notes(run: Run) -> list[str]:
     if run.ranged is not None:
         for i, name in enumerate(run.names):
             notes += _range_notes(name, run.ranged.of(auv=i), always=run.is_replay)
-    return [*notes, *run.announcements]
+    return [*notes, *_hidden_notes(run), *run.announcements]
+
+
+def _hidden_notes(run: Run) -> list[str]:
+    """What filters found out at last besides positions, headings and speeds."""
+    notes = []
+    for name, states in run.hidden.items():
+        told = [
+            f"{state} {one['value']:.3g} ± {one['sigma']:.2g} {one['unit']}".removesuffix(" 1")
+            for state, one in states.items()
+        ]
+        notes.append(f"{name}: its filter found, at the end, {', '.join(told)}.")
+    return notes
 
 
 def _range_notes(name: str, own: Ranged, *, always: bool) -> list[str]:
