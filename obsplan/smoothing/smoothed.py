@@ -29,6 +29,8 @@ from obsplan.tape import Tape
 from obsplan.types import ObsplanError
 
 NEXT_TO_NOTHING = 0.1  # a weight
+MOST_SAMPLES = 20_000  # of a tape on which the search is begun a second time
+WORTH = 1e-3  # of the cost, by which it has to end lower
 ALARM = 0.2  # share of measurements of such weights
 
 
@@ -153,11 +155,29 @@ def smooth(
     if start is not None and _lost(solver, solved):
         again = solver.solve(solver.reckoned())
         solved = again if again.cost < solved.cost else solved
+    if start is not None and tape.time.size <= MOST_SAMPLES:
+        back = solver.solve(_from_the_end(solver, start))
+        solved = back if back.cost < solved.cost - WORTH else solved
     solved, sides = both_sides(solver, solved, tape)
     if scenario.table.estimator.states.depth is not None:
         words.append("depths are taken as they are measured")
     words += [*sides, *_said(solved, solver.problem)]
     return _smoothed(tape, solver.problem, solved, good, words)
+
+
+def _from_the_end(
+    solver: Solver, start: Float[np.ndarray, "auvs samples m"]
+) -> Float[np.ndarray, "samples n"]:
+    """Dead reckoning back from where a filter ended, which knows more then than when it began."""
+    x = solver.reckoned()
+    for auv, last in enumerate(start[:, -1]):
+        at = solver.problem.model.of(auv).start
+        turn = last[2] - x[-1, at + 2]
+        place = x[:, at] + 1j * x[:, at + 1]
+        moved = complex(*last[:2]) + (place - place[-1]) * np.exp(1j * turn)
+        x[:, at], x[:, at + 1] = moved.real, moved.imag
+        x[:, at + 2] += turn
+    return x
 
 
 def _lost(solver: Solver, solved: Solved) -> bool:
