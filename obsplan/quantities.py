@@ -151,6 +151,7 @@ WHOLE = Quantity(-(2**53) + 1, 2**53 - 1, "", "whole numbers that every program 
 LEGS = Quantity(1, 10_000, "", "a survey of more takes weeks")
 CANDIDATES = Quantity(2, 1001, "", "more candidate turns differ by less than a rudder does")
 BRANCHES = Quantity(3, 201, "", "more candidate turns differ by less than a rudder does")
+PATIENCE = Quantity(1, 1000, "", "a filter that waits longer is lost meanwhile")
 HYPOTHESES = Quantity(1, 100, "", "more are not followed in the time of a step")
 STAGES = Quantity(1, 200, "", "more are not looked ahead in the time of a decision")
 TURNS = Quantity(2, 100, "", "a program with more is not solved in the time of a decision")

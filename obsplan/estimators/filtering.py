@@ -19,8 +19,6 @@ from obsplan.estimators.ring import ring
 from obsplan.fates import Fate
 from obsplan.sensors import BEACON, Sensor
 
-# ranges rejected in a row after which the next is believed, and the estimate doubted
-PATIENCE = 2
 # the likelihood falls no further than at so many standard deviations: one false range outweighs
 # no hypothesis for good
 FAR = 4.0
@@ -62,12 +60,14 @@ class Filtering:
     """The AUVs' filter.
 
     ``gate``: ranges that differ from what is expected by more standard deviations are rejected; 0:
-    none is. ``hypotheses``: how many there is room for.
+    none is. After ``patience`` in a row the next is believed, and the estimate doubted.
+    ``hypotheses``: how many there is room for.
     """
 
     estimator: Estimator
     count: int  # of states
     gate: float = 0.0
+    patience: int = 2
     hypotheses: int = 1
     beacons: int = 1
     reach: float = np.inf  # greatest range [m]
@@ -145,7 +145,7 @@ class Filtering:
         reason = self._reason(memory, seen, nu**2 / S)
         rejected, reopened, before = ca.SX(0.0), ca.SX(0.0), memory
         if self.gate:
-            lost = memory.misses[beacon] >= PATIENCE
+            lost = memory.misses[beacon] >= self.patience
             reopened = ca.logic_and(lost, reason == Fate.INNOVATION)
             rejected = ca.logic_and(reason != Fate.ACCEPTED, ca.logic_not(reopened))
             before = self._enlarged(memory, seen, nu, S, reopened)

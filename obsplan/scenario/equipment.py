@@ -137,6 +137,7 @@ class Equipment:
             estimator=self.estimator,
             count=len(self.filter_states),
             gate=self.table.estimator.gate,
+            patience=self.table.estimator.patience,
             hypotheses=hypotheses,
             beacons=len(self.beacons),
             reach=(self.filter_ranging.reach or np.inf) if plain else np.inf,

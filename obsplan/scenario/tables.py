@@ -20,6 +20,7 @@ from obsplan.quantities import (
     HYPOTHESES,
     INTERVAL,
     LENGTH,
+    PATIENCE,
     POSITION,
     POSITION_WALK,
     POSITION_WALK_PER_METER,
@@ -187,6 +188,11 @@ class EstimatorTable(Table):
         default=4.0,
         description="ranges are rejected that differ from what is expected by more standard "
         "deviations; 0: none is",
+    )
+    patience: Annotated[int, PATIENCE] = Field(
+        default=2,
+        description="ranges of a beacon rejected in a row after which the filter itself is doubted "
+        "and the next is believed; more where false ranges are frequent",
     )
     hypotheses: Literal["auto"] | Annotated[int, HYPOTHESES] = Field(
         default="auto",
