@@ -117,7 +117,7 @@ def test_summary_agrees_with_tracks(small):
     ],
 )
 def test_run_whose_path_cannot_be_exported_is_written_all_the_same_and_says_why(
-    small, monkeypatch, capsys, fault, ends_with
+    small, monkeypatch, capfd, fault, ends_with
 ):
     def fail(*_, **__):
         raise fault
@@ -135,7 +135,7 @@ def test_run_whose_path_cannot_be_exported_is_written_all_the_same_and_says_why(
     assert not made & paths
     if ends_with is SystemExit:
         assert ended.value.code == 2
-        said = capsys.readouterr().err.splitlines()[-1]
+        said = capfd.readouterr().err.splitlines()[-1]
         assert said.startswith("obsplan: no path to load can be made of the mission: ")
         assert str(fault) in said
         assert said.endswith("; all else was written to scenario")

@@ -10,11 +10,12 @@ from oracles import scenario as two_auvs
 from scipy.stats import chi2
 
 import obsplan as op
-from obsplan.estimators.filtering import PATIENCE
+from obsplan.estimators.filtering import Filtering
 from obsplan.fates import Fate
 from obsplan.replay.estimate import estimate
 from obsplan.sensors import Range
 
+PATIENCE = Filtering.patience
 MEAN, SIGMAS = (0.0, 0.0, 0.0, 1.0), (3.0, 1.0, 0.05, 0.1)
 EAST = beacon_at(100.0, 0.0)
 # deviation of the innovation of a range to the east: of the position, and of the range
