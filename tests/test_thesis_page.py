@@ -114,7 +114,7 @@ def test_only_the_same_request_goes_on_in_a_folder_and_only_until_it_is_complete
 
 @pytest.mark.slow
 def test_ctrl_c_says_what_is_kept_and_the_same_command_goes_on(tmp_path):
-    command = [sys.executable, "-m", "obsplan", "thesis", "fig5.1", "fig5.2", "table5.2", "--runs", "40"]  # fmt: skip
+    command = [sys.executable, "-m", "obsplan", "thesis", "fig5.1", "fig5.2", "table5.2", "--runs", "400"]  # fmt: skip
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
     record = tmp_path / "thesis" / "findings.json"
     end = time.monotonic() + 300

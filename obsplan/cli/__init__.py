@@ -10,7 +10,7 @@ import typer
 from obsplan.cli.campaigns import campaign, campaign_check, campaign_report
 from obsplan.cli.commands import compare, new, run, scenarios, schema, thesis
 from obsplan.cli.replays import recordings, replay
-from obsplan.cli.stopping import is_stop, listen, received, stop
+from obsplan.cli.stopping import is_stop, listen, received, stop_at_last
 from obsplan.cli.terminal import WRONG_INPUT, complain, open_door, put, say, unwritable
 
 __all__ = ["main"]
@@ -70,14 +70,14 @@ def main() -> None:
         sys.exit(0 if isinstance(end.__context__, BrokenPipeError) else end.code)
     except BaseException as error:
         if is_stop(error) or isinstance(error, typer.Abort):
-            stop("nothing was written")
+            stop_at_last()
         message = fault(error)
         if message is None:
             raise  # ours: the traceback is what we need to mend it
         complain(message)
         code = WRONG_INPUT
     if received:  # which the command line's own parser turns into a code
-        stop("nothing was written")
+        stop_at_last()
     sys.exit(code if isinstance(code, int) else 0)
 
 

@@ -16,6 +16,8 @@ KEPT = "what is finished is kept in {}, and the same command goes on from there"
 WRITTEN = "everything was written to {} before"
 
 received: list[int] = []  # signals, in order
+# what was kept, as `keeping` says it; a signal may be swallowed by a library, and heard later
+told_kept: list[str] = []
 
 
 def listen() -> None:
@@ -50,9 +52,15 @@ def stop(told: str) -> NoReturn:
     sys.exit(SIGNALLED + number)
 
 
+def stop_at_last() -> NoReturn:
+    """End the program outside `keeping`; what was kept in it stays."""
+    stop(told_kept[-1] if told_kept else "nothing was written")
+
+
 @contextmanager
 def keeping(folder: Path, told: str = KEPT) -> Iterator[None]:
     """Say what stays in a folder where a signal ends the program in here."""
+    told_kept.append(told.format(folder))
     try:
         yield
     except BaseException as error:
