@@ -1,7 +1,7 @@
 """Write GTSAM's batch solution of a stretch of Plaza 2: what a smoother is to agree with.
 
-    pip install --target /tmp/gtsamlib gtsam==4.3.0
-    PYTHONPATH=/tmp/gtsamlib python scripts/solve_factor_graph.py obsplan/recordings/plaza2 \
+    pip install gtsam==4.3.0
+    python scripts/solve_factor_graph.py obsplan/recordings/plaza2 \
         tests/data/plaza2_factor_graph
 
 The factor graph: a pose at each time at which odometry or a range came; a prior on the first;

@@ -11,6 +11,16 @@ from obsplan.estimators.filtering import Filtering
 from obsplan.sensors import BEACON, Range
 from obsplan.vehicles import DeadReckoning
 
+# of a scenario: steps, and an aid vehicle that heads east to the north of AUVs at the origin
+AID = {
+    "time_step": 0.5,
+    "origin": {"lat": 47.6, "lon": -122.3},
+    "cna": {
+        "speed": 2.0,
+        "min_turn_radius": 10.0,
+        "start": {"x": -40.0, "y": 50.0, "heading_deg": 0.0},
+    },
+}
 NOISE = (0.05, 0.05, 0.005, 0.01)
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import xarray as xr
+from filters import AID
 from scipy.stats import chi2
 
 import obsplan as op
@@ -14,13 +15,7 @@ from obsplan.vehicles import STATES
 SEA = {
     "name": "sea",
     "duration": 300.0,
-    "time_step": 0.5,
-    "origin": {"lat": 47.6, "lon": -122.3},
-    "cna": {
-        "speed": 2.0,
-        "min_turn_radius": 10.0,
-        "start": {"x": -40.0, "y": 50.0, "heading_deg": 0.0},
-    },
+    **AID,
     "auv": [
         {
             "name": "a",
@@ -112,6 +107,17 @@ def test_a_filter_that_is_not_told_to_look_for_it_is_sure_and_wrong(name):
     runs = flown(name, told=False)
     assert [*runs[0].scenario.filter_states] == [*STATES]
     assert nees(runs) > 4 * band(runs)[1]
+
+
+def test_a_current_is_found_beside_the_one_counted_on_over_ground_too():
+    """By a DVL: an AUV that counts on the true current finds nothing besides, and knows where it is."""
+    told = {"environment__current": [0.2, -0.1], "estimator__current": [0.2, -0.1]}
+    mission = op.from_dict(SEA).replace(estimator__states={"current": {}}, **told)
+    run = op.simulate(mission.replace(auv__0__speed_sensor={"kind": "dvl"}), seed=1)
+    found = run.hidden[run.names[0]]
+    for name in ("current_east", "current_north"):
+        assert abs(found[name]["value"]) < 4 * found[name]["sigma"] < 0.04
+    assert run.error[0, -100:].max() < 2.0
 
 
 def test_files_name_hidden_states_with_their_units(tmp_path):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from filters import beacon_at, course, filter_of, flown, ranges_of, unchecked
+from filters import AID, beacon_at, course, filter_of, flown, ranges_of, unchecked
 from oracles import NumpyEkf
 from scipy.stats import norm
 
@@ -158,13 +158,7 @@ def test_where_one_gaussian_does_several_hypotheses_are_the_plain_filter():
 PASS = {
     "name": "pass",
     "duration": 200.0,
-    "time_step": 0.5,
-    "origin": {"lat": 47.6, "lon": -122.3},
-    "cna": {
-        "speed": 2.0,
-        "min_turn_radius": 10.0,
-        "start": {"x": -40.0, "y": 50.0, "heading_deg": 0.0},
-    },
+    **AID,
     "auv": [
         {
             "name": "a",

@@ -196,7 +196,7 @@ def test_mean_and_covariance_are_those_of_dense_least_squares():
     walk, sigmas = (0.1, 0.03, 0.02), (2.0, 0.2, 0.3)
     firsts = [(1.0, 0.5, 0.2, 1.3), (11.0, 9.0, -0.3, 1.2)]
     known = told(firsts, sigma=0.5, walk=walk, first_sigma=sigmas, heading_sigma_deg=3.0)
-    names = ("scale", "current", "compass-bias")
+    names = ("scale", "current", "compass_bias")
     found = smooth(tape, known, hidden=names, loss="squares")
     dt, samples, z = np.diff(tape.time), tape.time.size, tape.measurements
     prior = np.array([0.1, 0.5, 0.5, np.deg2rad(20.0), np.deg2rad(20.0)])

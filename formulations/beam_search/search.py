@@ -111,12 +111,7 @@ def search_manoeuvres(
     """
     S, M, K = len(stages.duration), len(weights), len(turn_rates)
     n = covariance.shape[-1]
-    wrong = n not in (4, 5) or process_noise.shape != (M, n)
-    if wrong or covariance.shape != (M, n, n) or tracks.position.shape != (S, M, 2):
-        raise ValueError(  # machine code would read beyond an array's end
-            f"give covariances and tracks of {M} AUVs, as there are weights, over {S} stages, "
-            f"got {covariance.shape} and {tracks.position.shape}"
-        )
+    _check_shapes(covariance, process_noise, tracks, M, S)
     width = min(beam_width, K**S)
     doubts = np.zeros(M) if doubts is None else doubts
     kind = Kind(
@@ -156,6 +151,19 @@ def search_manoeuvres(
         primal_residual=max(first, worst),
         poses=poses,
     )
+
+
+def _check_shapes(
+    covariance: np.ndarray, process_noise: np.ndarray, tracks: Tracks, M: int, S: int
+) -> None:
+    """Refuse arrays that machine code would read beyond the end of."""
+    n = covariance.shape[-1]
+    wrong = n not in (4, 5) or process_noise.shape != (M, n)
+    if wrong or covariance.shape != (M, n, n) or tracks.position.shape != (S, M, 2):
+        raise ValueError(
+            f"give covariances and tracks of {M} AUVs, as there are weights, over {S} stages, "
+            f"got {covariance.shape} and {tracks.position.shape}"
+        )
 
 
 def _within_limits(

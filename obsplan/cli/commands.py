@@ -43,15 +43,10 @@ def run(
     """Simulate a survey: plan the aid vehicle's path, estimate, report, write files to load."""
     from obsplan.report import (
         exports_sentences,
-        filter_notes,
         free_folder,
-        hearing_notes,
-        limit_notes,
         path_names,
-        planner_notes,
+        run_notes,
         run_table,
-        sea_notes,
-        verdicts,
         write_free,
         write_run,
     )
@@ -75,16 +70,7 @@ def run(
     folder = write_free(out, name, lambda folder: write_run(flown, folder, exports))
     with keeping(folder, WRITTEN):
         show(run_table(flown))
-        heard = (*sea_notes(flown), *hearing_notes(flown))
-        notes = (
-            *verdicts(flown),
-            *filter_notes(flown),
-            *smoother_notes,
-            *heard,
-            *limit_notes(flown),
-            *planner_notes(flown),
-        )
-        for sentence in (*notes, *exports_sentences(exports)):
+        for sentence in (*run_notes(flown, smoother_notes), *exports_sentences(exports)):
             say(sentence)
         paths = [name for export in exports for name in path_names(export).values()]
         say_written(folder, ", ".join(["map.png", "errors.png", *paths, "tracks.csv and more"]))

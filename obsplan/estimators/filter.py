@@ -16,6 +16,7 @@ from formulations.model.casadi import SX, Call, symbol
 from formulations.model.covariance import pack, pack_array, unpack_array
 from obsplan.estimators.estimator import Process
 from obsplan.estimators.filtering import GONE, Filtering, Memory, Seen
+from obsplan.estimators.hidden import Around
 from obsplan.estimators.hypotheses import hypotheses, places, room_for, tidied
 from obsplan.sensors import BEACON, Sensor
 from obsplan.types import Hypothesis
@@ -30,24 +31,12 @@ class Outcome(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stated:
+class Stated(Around):
     """A sensor whose deviation may be stated with the measurement, or larger by another's error.
 
     After the rows of `BEACON` it is told the standard deviation, nan being the sensor's own, and a
     variance besides.
     """
-
-    sensor: Sensor
-
-    @property
-    def periodic(self) -> bool:
-        """Whether it is an angle."""
-        return self.sensor.periodic
-
-    @property
-    def sigma(self) -> float:
-        """The sensor's."""
-        return self.sensor.sigma
 
     def measure(self, x: ca.SX, beacon: ca.SX) -> ca.SX:
         """As the sensor."""

@@ -136,9 +136,9 @@ class Filtering:
     def ranged(self, memory: Memory, seen: Seen, beacon: int, came: SX) -> tuple[Memory, Taken]:
         """What is held after a range of a beacon, if it came.
 
-        A range that is rejected changes nothing. After some in a
-        row the estimate is taken to be wrong: until a range fits again, each is believed, the
-        covariance being enlarged until it is as expected.
+        A range that is rejected changes nothing. After some in a row the estimate is taken to be
+        wrong: until a range fits again, each is believed, the covariance being enlarged until it is
+        as expected.
         """
         nu, S = self._innovations(memory, seen)
         expected, variance = self._mixed(memory, nu, S)

@@ -10,11 +10,10 @@ from typing import ClassVar, cast
 import casadi as ca
 
 from obsplan.sensors import BEACON, Bearing, Heading, Sensor
-from obsplan.sensors.dvl import CURRENT_STATES
+from obsplan.sensors.dvl import CURRENT_STATES, TOLD
 from obsplan.vehicles import State, States, Vehicle
 
 SCALE, CLOCK, COMPASS_BIAS, DEPTH = "scale", "clock", "compass_bias", "depth"
-ROWS = BEACON.index("east_current"), BEACON.index("north_current")
 
 
 def bias_of(beacon: int) -> str:
@@ -50,17 +49,10 @@ class Extended:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Believed:
-    r"""A sensor as a filter with hidden states takes it.
-
-    A range is expected to be :math:`(1 + s) r + b + c \tau`: s its scale, b the beacon's bias [m],
-    τ how late the clock is [s] and c the speed of sound. A compass shows the heading and its bias.
-    """
+class Around:
+    """What a sensor around another has from that one."""
 
     sensor: Sensor
-    states: tuple[str, ...]  # names of the filter's
-    beacon: int  # number; -1 of what concerns none
-    sound_speed: float  # [m/s]
 
     @property
     def periodic(self) -> bool:
@@ -71,6 +63,19 @@ class Believed:
     def sigma(self) -> float:
         """The sensor's."""
         return self.sensor.sigma
+
+
+@dataclass(frozen=True, kw_only=True)
+class Believed(Around):
+    r"""A sensor as a filter with hidden states takes it.
+
+    A range is expected to be :math:`(1 + s) r + b + c \tau`: s its scale, b the beacon's bias [m],
+    τ how late the clock is [s] and c the speed of sound. A compass shows the heading and its bias.
+    """
+
+    states: tuple[str, ...]  # names of the filter's
+    beacon: int  # number; -1 of what concerns none
+    sound_speed: float  # [m/s]
 
     def measure(self, x: ca.SX, beacon: ca.SX) -> ca.SX:
         """What is expected in the filter's state x."""
@@ -95,7 +100,7 @@ class Believed:
         rows = ca.vertsplit(beacon)
         if DEPTH in self.states:
             rows[BEACON.index("auv_depth")] = self._of(x, DEPTH)
-        for row, name in zip(ROWS, CURRENT_STATES, strict=True):
+        for row, name in zip(TOLD, CURRENT_STATES, strict=True):
             rows[row] = rows[row] + self._of(x, name)
         return ca.vertcat(*rows)
 

@@ -105,8 +105,12 @@ def _log_area(one: Hypothesis) -> float:
 
 def _apart(one: Hypothesis, other: Hypothesis) -> float:
     """Squared distance of their positions in standard deviations of both."""
-    S = one.covariance[:2, :2] + other.covariance[:2, :2]
+    S = one.covariance + other.covariance
     east, north = (one.mean - other.mean)[:2]
     determinant = max(S[0, 0] * S[1, 1] - S[0, 1] ** 2, 1e-300)
-    weighed = S[1, 1] * east**2 - 2 * S[0, 1] * east * north + S[0, 0] * north**2
-    return float(weighed / determinant) if weighed < determinant * FARTHEST else FARTHEST
+    weighed = S[1, 1] * east**2
+    weighed -= 2 * S[0, 1] * east * north
+    weighed += S[0, 0] * north**2
+    if weighed >= determinant * FARTHEST:
+        return FARTHEST
+    return float(weighed / determinant)

@@ -152,11 +152,14 @@ def _range(message: Any) -> tuple[float]:
 
 def _seen_from_before(poses: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     """Each pose in the frame of the one before: forward, left [m], turn [rad]."""
-    moved = np.diff(poses[:, 0] + 1j * poses[:, 1])
-    seen = moved * np.exp(-1j * poses[:-1, 2])
-    turn = np.angle(np.exp(1j * np.diff(poses[:, 2])))
-    steps = np.column_stack([seen.real, seen.imag, turn])
-    return np.vstack([np.zeros((min(len(poses), 1), 3)), steps])
+    found = np.zeros_like(poses)
+    east, north, turn = np.diff(poses, axis=0).T
+    heading = poses[:-1, 2]
+    cos, sin = np.cos(heading), np.sin(heading)
+    found[1:, 0] = east * cos + north * sin
+    found[1:, 1] = north * cos - east * sin
+    found[1:, 2] = np.arctan2(np.sin(turn), np.cos(turn))
+    return found
 
 
 def _fixes(

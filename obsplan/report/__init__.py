@@ -21,6 +21,7 @@ _HOME = {
     "path_names": "path_files",
     "planner_notes": "verdict",
     "run_html": "tables",
+    "run_notes": "notes",
     "run_table": "tables",
     "scenario_table": "suite",
     "sea_notes": "sea",

@@ -92,6 +92,12 @@ class Course(Equipment):
             found.append([position, position, np.deg2rad(heading), noise.speed])
         return np.array(found)
 
+    @cached_property
+    def assumed_noises(self) -> list[tuple[float, float, float]]:
+        """Of position, heading and speed, as the filter of each AUV assumes them."""
+        noises = self.process_noise(assumed=True).tolist()
+        return [(position, heading, speed) for position, _, heading, speed in noises]
+
     def _thickness(self, apart: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Standard deviation of a range at some distances [m], a squared range's in metres."""
         sensor = self.filter_sensor

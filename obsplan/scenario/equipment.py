@@ -204,8 +204,13 @@ class Equipment:
 
     @property
     def filter_logs(self) -> tuple[tuple[Sensor, ...], ...]:
-        """The same of the filter's state."""
-        logs = self._logs(self.filter_states)
+        """The same of the filter's state.
+
+        An unknown current is added to the one told, not taken for it.
+        """
+        hidden = self.table.estimator.states.states(len(self.beacons))
+        own = {name: one for name, one in self.filter_states.items() if name not in hidden}
+        logs = self._logs(own)
         return tuple(tuple(self.as_filtered(one) for one in components) for components in logs)
 
     def _logs(self, states: States) -> tuple[tuple[Sensor, ...], ...]:

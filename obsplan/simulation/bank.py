@@ -58,7 +58,11 @@ class Bank:
                 self.several[i][k] = known
         self.room = room_for(int(self.living.max()), self.room)
 
-    def reported(self, carry: Carry, log: Log, k: int, i: int) -> tuple[Hypothesis, ...]:
+    def reported(self, carry: Carry, log: Log, k: int) -> list[tuple[Hypothesis, ...]]:
+        """Hypotheses of each AUV as last reported before sample k, as planners are told."""
+        return [self._reported(carry, log, k, i) for i in range(len(self.several))]
+
+    def _reported(self, carry: Carry, log: Log, k: int, i: int) -> tuple[Hypothesis, ...]:
         """Hypotheses of AUV i as last reported before sample k, and dead-reckoned since.
 
         There are none where one position was left. Their means have moved since as that of all

@@ -1,7 +1,7 @@
 """Fly missions: one compiled step, folded over time, the planner inside or called between steps."""
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from time import perf_counter
@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Float
 
 from formulations.model.casadi import machine_code
-from formulations.model.covariance import unpack_array
 from obsplan.planning.answers import BLAMES, Answer, ask, blamed, fitted_commands
 from obsplan.planning.companion import Companion
 from obsplan.planning.expressions import decision_function, interpreted
@@ -33,14 +32,12 @@ from obsplan.planning.team import Team, later, members_of, team_of
 from obsplan.planning.water import in_the_water
 from obsplan.run import Run, Timing
 from obsplan.scenario import Scenario, load
-from obsplan.scenario.states import BASIC
 from obsplan.simulation.advance import Advance, carried, recorded_covariance, room
 from obsplan.simulation.bank import Bank
-from obsplan.simulation.doubt import doubts
+from obsplan.simulation.beliefs import beliefs, poses_of
 from obsplan.simulation.inputs import mission_inputs
 from obsplan.simulation.recorded import record
 from obsplan.simulation.step import HELD, Carry, Inputs, Log, StepBuilder, folded, shape_of
-from obsplan.surveys import Reference
 from obsplan.types import Belief, ObsplanError, Pose
 
 LOG = logging.getLogger(__name__)
@@ -292,7 +289,7 @@ class ClosedLoop:
         for k in range(0, steps, every):
             n = min(every, steps - k)
             began = perf_counter()
-            auvs = self._beliefs(carry, inputs, log, bank, k)
+            auvs = beliefs(self.scenario, carry, inputs, k, bank.reported(carry, log, k))
             time = float(inputs.time[k, 0, 0])
             poses = poses_of(carry, k)
             ask = partial(self._ask, poses=poses, auvs=auvs, team=team, time=time, free=free)
@@ -351,57 +348,6 @@ class ClosedLoop:
         with blamed(planner, "say which limits it keeps"):
             return isinstance(planner, KeepsLimits) and bool(planner.constraints == limits)
 
-    def _beliefs(self, carry: Carry, inputs: Inputs, log: Log, bank: Bank, k: int) -> list[Belief]:
-        """What the planner is told of each AUV."""
-        scenario, now = self.scenario, float(inputs.time[k].item())
-        knowledge = scenario.table.planner.knowledge
-        reported = carry.reported[0]
-        told = {"survey": inputs.survey[k], "truth": carry.truth[k]}.get(knowledge, reported)
-        means = told[:, :BASIC].copy()  # of the truth, say, which no planner moves
-        covariances = unpack_array(carry.reported_covariance[0])[:, :BASIC, :BASIC]
-        for told_to_planner in (means, covariances):
-            told_to_planner.setflags(write=False)
-        routes = [
-            None if knowledge == "estimate" else route(*known, now)
-            for known in zip(scenario.references, means, strict=True)
-        ]
-        is_estimate = told is reported
-        several = [
-            bank.reported(carry, log, k, i) if is_estimate else () for i in range(len(means))
-        ]
-        return [
-            Belief(
-                mean=mean,
-                covariance=covariance,
-                process_noise=noise,
-                weight=auv.weight,
-                current=current,
-                depth=depth,
-                doubt=doubt,
-                route=along,
-                hypotheses=known,
-                checked=False,
-            )
-            for mean, covariance, noise, auv, current, depth, doubt, along, known in zip(
-                means,
-                covariances,
-                self._noises,
-                scenario.table.auv,
-                scenario.assumed_currents,
-                scenario.depths[k].tolist(),
-                doubts(carry.reported_excess[0]).tolist(),
-                routes,
-                several,
-                strict=True,
-            )
-        ]
-
-    @cached_property
-    def _noises(self) -> list[tuple[float, float, float]]:
-        """Of position, heading and speed, as the filter of each AUV assumes them."""
-        noises = self.scenario.process_noise(assumed=True).tolist()
-        return [(position, heading, speed) for position, _, heading, speed in noises]
-
 
 def prepared(team: Team, starts: Sequence[Pose], progress: Progress) -> tuple[Team, Progress]:
     """Let a team plan before the mission, and report that as the first half.
@@ -418,15 +364,3 @@ def prepared(team: Team, starts: Sequence[Pose], progress: Progress) -> tuple[Te
     if not told:
         return team, progress
     return team, lambda done, steps: progress(steps + done, 2 * steps)
-
-
-def route(reference: Reference, mean: np.ndarray, now: float) -> Callable[[np.ndarray], np.ndarray]:
-    """Positions ahead of where an AUV is known to be, the rest of its survey still before it."""
-    off = mean[:2] - reference.position(now)
-    return lambda ahead: reference.position(now + ahead) + off
-
-
-def poses_of(carry: Carry, k: int) -> list[Pose]:
-    """Poses of the aid vehicles at a step's beginning, with the turn rates they are still at."""
-    known = zip(carry.cna[k].tolist(), carry.command[k, :, 0].tolist(), strict=True)
-    return [Pose(x, y, heading, turn_rate) for (x, y, heading), turn_rate in known]

@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Integer
 
+from obsplan.estimators.hidden import CLOCK, COMPASS_BIAS, SCALE
 from obsplan.scenario import Scenario
 from obsplan.tape import Tape
 from obsplan.types import ObsplanError
 
-SCALE, BIAS, CLOCK = "scale", "bias", "clock"
-CURRENT, COMPASS_BIAS = "current", "compass-bias"
+BIAS, CURRENT = "bias", "current"
 # standard deviations of what nothing else is known of; their means are 0
 PRIORS = MappingProxyType(
     {SCALE: 0.1, BIAS: 10.0, CLOCK: 0.01, CURRENT: 0.5, COMPASS_BIAS: np.deg2rad(20.0)}

@@ -92,12 +92,17 @@ class Problem:
         self, seen: Seen, weights: Float[np.ndarray, " rows"]
     ) -> tuple[Float[np.ndarray, "samples n n"], Float[np.ndarray, "samples n"]]:
         """Hᵀ R⁻¹ H and Hᵀ R⁻¹ r of each sample, of weighted rows."""
-        n, columns, sample = self.model.size, self.columns, self.rows.sample
+        n, columns = self.model.size, self.columns
+        sample = self.rows.sample[:, None]
         scaled = seen.jacobian * (weights / seen.sigma**2)[:, None]
-        information, vector = np.zeros((self.samples, n, n)), np.zeros((self.samples, n))
-        np.add.at(vector, (sample[:, None], columns), scaled * seen.residual[:, None])
-        at = sample[:, None, None], columns[:, :, None], columns[:, None, :]
-        np.add.at(information, at, scaled[:, :, None] * seen.jacobian[:, None, :])
+
+        vector = np.zeros((self.samples, n))
+        np.add.at(vector, (sample, columns), scaled * seen.residual[:, None])
+
+        information = np.zeros((self.samples, n, n))
+        row, column = columns[:, :, None], columns[:, None, :]
+        products = scaled[:, :, None] * seen.jacobian[:, None, :]
+        np.add.at(information, (sample[..., None], row, column), products)
         return information, vector
 
 

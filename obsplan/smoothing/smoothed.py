@@ -123,7 +123,7 @@ def smooth(
     hidden
         Constants to find besides: ``scale`` of ranges and their ``bias`` [m], how late each AUV's
         ``clock`` is [s], an unknown ``current`` [m/s] besides the one that is counted on, the
-        ``compass-bias`` [rad] of each AUV. Default: those that the filter estimates, with its
+        ``compass_bias`` [rad] of each AUV. Default: those that the filter estimates, with its
         priors and random walks.
     per_beacon
         Whether each beacon has a scale and a bias of its own, of those asked for.

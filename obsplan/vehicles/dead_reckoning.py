@@ -16,8 +16,8 @@ class DeadReckoning:
     A uniform current carries it. State x = (east [m], north [m], heading [rad], speed through the
     water [m/s]); control u = (turn [rad], change of speed [m/s]), the increments at the end of the
     sample, which the vehicle measures, and, from a recording, how far it moved to its left over the
-    sample [m]. Holding the heading (instead of the arc) lets a sampled
-    vehicle follow a polyline exactly.
+    sample [m]. Holding the heading (instead of the arc) lets a sampled vehicle follow a polyline
+    exactly.
     """
 
     current: tuple[float, float] = (0.0, 0.0)  # east, north [m/s]
@@ -29,8 +29,11 @@ class DeadReckoning:
 
     def step(self, x: ca.SX, u: ca.SX, dt: ca.SX | float) -> ca.SX:
         """State after dt seconds, as a CasADi expression."""
-        east = x[0] + (x[3] * ca.cos(x[2]) + self.current[0]) * dt
-        north = x[1] + (x[3] * ca.sin(x[2]) + self.current[1]) * dt
+        east, north, heading, speed = ca.vertsplit(x)
+        cos, sin = ca.cos(heading), ca.sin(heading)
+        east += (speed * cos + self.current[0]) * dt
+        north += (speed * sin + self.current[1]) * dt
         if u.numel() > TURN_AND_SPEED:
-            east, north = east - u[2] * ca.sin(x[2]), north + u[2] * ca.cos(x[2])
-        return ca.vertcat(east, north, x[2] + u[0], x[3] + u[1])
+            east -= u[2] * sin
+            north += u[2] * cos
+        return ca.vertcat(east, north, heading + u[0], speed + u[1])
