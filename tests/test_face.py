@@ -22,7 +22,7 @@ import formulations
 import obsplan as op
 from obsplan.planners import PLANNERS
 from obsplan.scenario import from_dict
-from obsplan.simulation import loop
+from obsplan.simulation import beliefs
 
 PACKAGES = (op, formulations)
 HERE = Path(op.__file__).parents[1]
@@ -333,8 +333,8 @@ class Straight:
 
 def test_filter_that_fails_does_not_end_the_mission(monkeypatch):
     """Its covariance need not be one: here it is -1 times what it was."""
-    unpack_array = loop.unpack_array
-    monkeypatch.setattr(loop, "unpack_array", lambda lower: -unpack_array(lower))
+    unpack_array = beliefs.unpack_array
+    monkeypatch.setattr(beliefs, "unpack_array", lambda lower: -unpack_array(lower))
     planner = Straight()
     run = op.simulate(op.load("harbor-survey", settings=["duration=30.0"]), planner=planner)
     assert np.isfinite(run.cna).all()
