@@ -10,8 +10,9 @@ import typer
 from obsplan.cli.campaigns import campaign, campaign_check, campaign_report
 from obsplan.cli.commands import compare, new, run, scenarios, schema, thesis
 from obsplan.cli.replays import recordings, replay
-from obsplan.cli.stopping import is_stop, listen, received, stop_at_last
+from obsplan.cli.stopping import is_stop, listen, stop_at_last
 from obsplan.cli.terminal import WRONG_INPUT, complain, open_door, put, say, unwritable
+from obsplan.signals import received
 
 __all__ = ["main"]
 

@@ -9,13 +9,12 @@ from types import FrameType
 from typing import NoReturn
 
 from obsplan.cli.terminal import complain
-from obsplan.signals import STOPS, ignore_stops
+from obsplan.signals import STOPS, ignore_stops, received
 
 SIGNALLED = 128  # a shell's exit code is this and the number of the signal
 KEPT = "what is finished is kept in {}, and the same command goes on from there"
 WRITTEN = "everything was written to {} before"
 
-received: list[int] = []  # signals, in order
 # what was kept, as `keeping` says it; a signal may be swallowed by a library, and heard later
 told_kept: list[str] = []
 

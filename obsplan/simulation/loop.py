@@ -32,6 +32,7 @@ from obsplan.planning.team import Team, later, members_of, team_of
 from obsplan.planning.water import in_the_water
 from obsplan.run import Run, Timing
 from obsplan.scenario import Scenario, load
+from obsplan.signals import hear_stops
 from obsplan.simulation.advance import Advance, carried, recorded_covariance, room
 from obsplan.simulation.bank import Bank
 from obsplan.simulation.beliefs import beliefs, poses_of
@@ -203,6 +204,7 @@ class ClosedLoop:
 
         Without ``covariances`` those of the run, more than half of what it holds, are nan.
         """
+        hear_stops()
         began, progress = perf_counter(), progress or (lambda _done, _steps: None)
         given = (start,) if isinstance(start, Pose) else tuple(start or ())
         starts = (*given, *self.starts[len(given) :])

@@ -12,6 +12,7 @@ import obsplan
 from obsplan.campaign.code import code_hash
 from obsplan.files import write_atomically
 from obsplan.report.files import as_json, check_free, free_folder, numbered, table_csv
+from obsplan.signals import hear_stops
 from obsplan.thesis.item import Finding, Item
 from obsplan.thesis.items import ITEMS
 from obsplan.types import ObsplanError
@@ -88,6 +89,7 @@ def write_thesis(
     if found is None:
         found = begin(folder, asked)
     for done, item in enumerate(items, start=1):
+        hear_stops()
         if item.name not in found:
             found[item.name] = write_item(item, folder, runs=runs, seed=seed)
             note(folder, asked, found)
