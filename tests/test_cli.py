@@ -311,21 +311,23 @@ def test_shell_completes_commands_scenarios_and_planners(tmp_path):
 
 @pytest.mark.slow
 def test_shipped_name_works_again_beside_the_folder_that_it_made(tmp_path):
+    quick = ("--no-bound", "--set", "duration=10")
     for folder in ("fixed-auv", "fixed-auv-2"):
-        assert f"Written to {folder}/" in obsplan("run", "fixed-auv", cwd=tmp_path).stdout
+        assert f"Written to {folder}/" in obsplan("run", "fixed-auv", *quick, cwd=tmp_path).stdout
     for folder in ("fixed-auv-compare", "fixed-auv-compare-2"):
-        done = obsplan("compare", "fixed-auv", "--planners", "circle,trail", cwd=tmp_path)
+        line = ("compare", "fixed-auv", "--planners", "circle,trail", *quick)
+        done = obsplan(*line, cwd=tmp_path)
         assert f"Written to {folder}/" in done.stdout
 
 
 @pytest.mark.slow
 def test_runs_at_once_go_to_folders_of_their_own_and_none_is_lost(small):
     line = [*PROGRAM, "run", "small.toml"]
-    both = [subprocess.Popen(line, cwd=small, stdout=subprocess.PIPE, text=True) for _ in range(3)]
+    both = [subprocess.Popen(line, cwd=small, stdout=subprocess.PIPE, text=True) for _ in range(2)]
     told = [process.communicate(timeout=300)[0] for process in both]
-    assert [process.returncode for process in both] == [0, 0, 0]
+    assert [process.returncode for process in both] == [0, 0]
     made = {re.search(r"Written to (\S+)/:", text)[1] for text in told}
-    assert made == {"scenario", "scenario-2", "scenario-3"}
+    assert made == {"scenario", "scenario-2"}
     for folder in made:
         assert {path.name for path in (small / folder).iterdir()} == FILES
 
@@ -334,8 +336,9 @@ def test_runs_at_once_go_to_folders_of_their_own_and_none_is_lost(small):
 @pytest.mark.parametrize("encoding", ["ascii", "cp1251", "cp932"])
 def test_output_does_not_die_of_an_encoding(small, encoding):
     poor = os.environ | {"PYTHONUTF8": "0", "PYTHONIOENCODING": encoding}
-    compared = ["compare", "small.toml", "--planners", "circle"]
-    for line in (["run", "small.toml"], ["schema"], ["run", "--help"], compared):
+    compared = ["compare", "small.toml", "--planners", "circle", "--no-bound"]
+    run = [] if encoding == "cp1251" else [["run", "small.toml"]]  # the richest of the three
+    for line in (*run, ["schema"], ["run", "--help"], compared):
         done = subprocess.run(
             [*PROGRAM, *line], cwd=small, capture_output=True, check=True, env=poor
         )

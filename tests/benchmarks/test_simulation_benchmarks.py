@@ -15,6 +15,7 @@ from obsplan.planners import PLANNERS
 from obsplan.simulation import ClosedLoop
 
 SAMPLES = 3281
+OPTIMISERS = ("trajectory", "whole-mission", "rolling")  # the costly planners
 mission = pytest.mark.benchmark(group="survey-slow, 3281 samples", max_time=3.0)
 beginning = pytest.mark.benchmark(
     group="first 300 steps of survey-slow, step already built", max_time=1.0
@@ -43,7 +44,13 @@ def test_mission_on_a_step_already_built(benchmark, compiled):
 
 
 @beginning
-@pytest.mark.parametrize("name", PLANNERS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.costly if name in OPTIMISERS else ())
+        for name in PLANNERS
+    ],
+)
 def test_beginning_under_every_planner(benchmark, name):
     scenario = op.load("survey-slow", planner=name, settings=["duration=30.0"])
     loop = ClosedLoop(scenario=scenario, planner=scenario.planner())

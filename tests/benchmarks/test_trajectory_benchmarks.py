@@ -64,7 +64,13 @@ def flown(asked, auvs):
 @pytest.mark.benchmark(timer=time.process_time)
 @pytest.mark.parametrize("by", BY)
 @pytest.mark.parametrize(
-    ("objective", "count"), [("log-det", 1), ("log-det", 16), ("covariance", 1), ("covariance", 4)]
+    ("objective", "count"),
+    [
+        ("log-det", 1),
+        pytest.param("log-det", 16, marks=pytest.mark.costly),
+        ("covariance", 1),
+        pytest.param("covariance", 4, marks=pytest.mark.costly),
+    ],
 )
 def test_decision(benchmark, monkeypatch, objective, count, by):
     benchmark.group = f"{objective}, {count} AUV{'s' * (count > 1)}"
