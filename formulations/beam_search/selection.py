@@ -45,9 +45,11 @@ class Feasibility:
         self.times = begins[:, None] + durations[:, None] * LOOKS
         self.stage = 0
         if self.limits is not None:
-            expected = self.limits.expected(self.times.ravel())
+            # contiguous: machine code reads them
+            expected = np.ascontiguousarray(self.limits.expected(self.times.ravel()))
+            drift = np.ascontiguousarray(self.limits.drift(self.times.ravel()))
             self._auvs = expected.reshape(*self.times.shape, -1, 2)
-            self._drift = self.limits.drift(self.times.ravel()).reshape(*self.times.shape, 2)
+            self._drift = drift.reshape(*self.times.shape, 2)
 
     def best(
         self,
