@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["AidTrack", "Run", "Timing"]
 
 Progress = Callable[[float, int], None]  # done, in all
+SETTLED = 0.1  # of the mission, after which errors are no longer those of the first estimate
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -249,12 +250,20 @@ class Run(Record):
             found["announcements"] = list(self.announcements)
         return found
 
+    @property
+    def settled(self) -> Bool[np.ndarray, " samples"]:
+        """Which samples come after the first tenth of the mission."""
+        return self.time >= SETTLED * self.time[-1]
+
     def _figures(self, auvs: slice, bounds: bool) -> dict[str, float | None]:
         known, figures = self.known[auvs], {}
         if known.any():
             error, nees = self.error[auvs][known], self.nees[auvs][known]
             figures["rms_error_m"] = rms(error)
             figures["max_error_m"] = error.max()
+            late = self.known[auvs] & self.settled
+            if late.any():
+                figures["rms_error_late_m"] = rms(self.error[auvs][late])
             figures["mean_nees"] = np.nan if np.isnan(nees).all() else np.nanmean(nees)
             if self.smoothed is not None:
                 figures["smoothed_rms_error_m"] = rms(
@@ -281,7 +290,8 @@ class Run(Record):
             return {}
         of_each = np.sqrt(np.mean(self.cramer_rao_variance[auvs], axis=-1))
         achieved = np.sqrt(np.mean(of_each**2))
-        figures = {"pcrb_rms_m": achieved}
+        late = self.cramer_rao_variance[auvs][:, self.settled]
+        figures = {"pcrb_rms_m": achieved, "pcrb_rms_late_m": np.sqrt(np.mean(late))}
         if bounds and self.has_aid:
             figures["bound_rms_m"] = figures["efficiency"] = np.nan
             if not self.unbounded:

@@ -16,9 +16,11 @@ from obsplan.campaign.worker import Outcome
 DIGEST = 16  # bytes
 FIGURES = (
     "rms_error_m",
+    "rms_error_late_m",
     "max_error_m",
     "mean_nees",
     "pcrb_rms_m",
+    "pcrb_rms_late_m",
     "separation_mean_m",
     "separation_max_m",
     "violation_max_m",

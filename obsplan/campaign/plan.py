@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -21,6 +22,7 @@ NOT_TO_VARY = {
     "export": "it changes nothing that a campaign measures",
 }
 GREATEST_SEED = 2**63 - 1  # that the store's integers hold
+BLOCK = 1_000_000  # seeds of each scenario, where scenarios share none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +55,7 @@ def plan_cells(
     vary: Sequence[str] = (),
     runs: int = 1,
     seed: int | None = None,
+    independent: bool = False,
 ) -> tuple[Cell, ...]:
     """Check every combination before anything is flown.
 
@@ -70,6 +73,8 @@ def plan_cells(
         meet the same noise.
     seed
         The first of them; default: the scenario's.
+    independent
+        No two scenarios share a seed: each begins as far after it as `block_of` its name says.
 
     Raises
     ------
@@ -89,7 +94,8 @@ def plan_cells(
                 f'{named[name][0]} and {source} differ but are both named "{name}"; '
                 "change `name` in one of them"
             )
-        seeds = seeds_of(plain.table.seed if seed is None else seed, runs)
+        first = plain.table.seed if seed is None else seed
+        seeds = seeds_of(first + (block_of(name, first, runs) if independent else 0), runs)
         for planner, settings in product(dict.fromkeys(planners) or (None,), grid):
             cell = cell_of(
                 loaded(source, planner, settings), base=base, settings=settings, seeds=seeds
@@ -136,6 +142,24 @@ def seeds_of(first: int, runs: int) -> range:
             f"seed {first + runs - 1} is beyond {GREATEST_SEED}; give a smaller --seed"
         )
     return range(first, first + runs)
+
+
+def block_of(name: str, first: int, runs: int) -> int:
+    """How many seeds after the first those of a scenario begin, so that no other has them.
+
+    The checksum CRC-32 of its name counts blocks of a million seeds.
+
+    Raises
+    ------
+    ObsplanError
+        The seeds would reach into the next block.
+    """
+    if first + runs > BLOCK:
+        raise ObsplanError(
+            f"seed {first + runs - 1} is beyond the {BLOCK} that each scenario of a suite has; "
+            "give a smaller --seed"
+        )
+    return BLOCK * zlib.crc32(name.encode())
 
 
 def loaded(source: str, planner: str | None, settings: Sequence[str]) -> Scenario:

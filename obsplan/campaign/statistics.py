@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CONFIDENCE = 0.95
+TAIL = 0.95  # the quantile over missions that is told beside a median
 LEVEL = 0.05  # of significance: a difference with a smaller p is not put down to chance
 RESAMPLES = 2000  # of the bootstrap: a 95 % interval ends at its 50th value from either side
 AT_ONCE = 10_000_000  # numbers the bootstrap holds in memory
@@ -34,9 +35,10 @@ def medians(table: "pd.DataFrame", by: list[str] | None = None) -> "pd.DataFrame
 
     One row per combination of the columns ``by`` (default: scenario, planner and every varied key):
     ``missions``, ``failed``, ``violated`` (how many broke a limit), ``violation_worst_m`` (by how
-    much at most; nan without limits, negative where there was something to spare); then for each
-    figure its name, name_low and name_high; nan where fewer than one or, for the interval, two
-    missions have the figure.
+    much at most; nan without limits, negative where there was something to spare),
+    ``rms_error_q95_m`` and ``rms_error_worst_m`` (95 % quantile and greatest RMS error, infinite
+    where that mission failed); then for each figure its name, name_low and name_high; nan where
+    fewer than one or, for the interval, two missions have the figure.
     """
     import pandas as pd
 
@@ -44,12 +46,15 @@ def medians(table: "pd.DataFrame", by: list[str] | None = None) -> "pd.DataFrame
     rows = []
     for labels, group in table.groupby(by, dropna=False, sort=True):
         failed = int((group["status"] == "failed").sum())
+        errors = with_failures(group["rms_error_m"])
         row: dict[str, Any] = {
             **dict(zip(by, labels, strict=True)),
             "missions": len(group),
             "failed": failed,
             "violated": int((group["violation_max_m"] > ROUNDING).sum()),
             "violation_worst_m": float(group["violation_max_m"].max()),
+            "rms_error_q95_m": tail(errors),
+            "rms_error_worst_m": float(errors.max()),
         }
         for figure in FIGURES:
             row[figure], row[f"{figure}_low"], row[f"{figure}_high"] = median_interval(
@@ -57,6 +62,32 @@ def medians(table: "pd.DataFrame", by: list[str] | None = None) -> "pd.DataFrame
             )
         rows.append(row)
     return pd.DataFrame(rows)
+
+
+def with_failures(errors: "pd.Series") -> Float[np.ndarray, " n"]:
+    """Errors of missions; a mission that failed counts as worse than any."""
+    return errors.fillna(np.inf).to_numpy(dtype=float)
+
+
+def tail(errors: Float[np.ndarray, "*m n"]) -> Any:
+    """The least of the errors, along the last axis, that 95 % of them do not exceed."""
+    return np.quantile(errors, TAIL, axis=-1, method="inverted_cdf")
+
+
+def tail_ratio(
+    ours: Float[np.ndarray, " n"], theirs: Float[np.ndarray, " n"]
+) -> tuple[float, float, float]:
+    """Ratio of two 95 % quantiles, and its percentile-bootstrap 95 % interval.
+
+    Missions are resampled in pairs: those of one place met the same noise.
+    """
+    places = np.random.default_rng(SEED).integers(ours.size, size=(RESAMPLES, ours.size))
+    with np.errstate(invalid="ignore"):  # where both failed
+        resampled = tail(ours[places]) / tail(theirs[places])
+        ratio = float(tail(ours) / tail(theirs))
+    beyond = (1 - CONFIDENCE) / 2
+    low, high = np.nanquantile(resampled, [beyond, 1 - beyond], method="nearest")
+    return ratio, float(low), float(high)
 
 
 def median_interval(values: Float[np.ndarray, " n"]) -> tuple[float, float, float]:

@@ -34,6 +34,11 @@ MEDIANS = (
     "missions",
     "failed",
     "rms_error_m",
+    "rms_error_m_low",
+    "rms_error_m_high",
+    "rms_error_q95_m",
+    "rms_error_worst_m",
+    "rms_error_late_m",
     "pcrb_rms_m",
     "violation_worst_m",
 )
@@ -43,8 +48,9 @@ MEDIANS = (
 class Suite:
     """What a campaign over planners and scenarios says.
 
-    ``cells`` has one row per scenario and planner: medians, the worst violation of any seed and
-    whether it ``broke`` a limit, ``ratio`` to the scenario's best median error, ``p`` of Wilcoxon's
+    ``cells`` has one row per scenario and planner: medians, of the RMS error with its 95 %
+    interval, its 95 % quantile and the worst, the worst violation of any seed and whether it
+    ``broke`` a limit, ``ratio`` to the scenario's best median error, ``p`` of Wilcoxon's
     signed-rank test against that planner over paired seeds, ``ties`` whether it is the best or not
     distinguishable from it, ``efficiency``. ``planners`` has one row per planner: ``wins``,
     ``ties``, mean and worst ratio, decision time. The best is the lowest of those that kept all

@@ -178,6 +178,8 @@ def compare_suite(
 ) -> None:
     """Fly a campaign of planners over one of the suites, and say who wins where.
 
+    No two scenarios share a seed: what is luck in one is not luck in all.
+
     The folder is resumed if it is there.
     """
     from obsplan.campaign import load_campaign, plan_cells
@@ -187,7 +189,9 @@ def compare_suite(
     from obsplan.scenario import SUITES, suite
 
     scenarios = suite(name)
-    cells = plan_cells(scenarios, planners=planners, vary=settings, runs=runs, seed=seed)
+    cells = plan_cells(
+        scenarios, planners=planners, vary=settings, runs=runs, seed=seed, independent=True
+    )
     failed = fly(cells, out)
     table = missions_of(cells, load_campaign(out), out)
     settings = [*settings, *([] if seed is None else [f"seed={seed}"])]

@@ -246,14 +246,19 @@ def scenario_toml(run: Run) -> str:
             f"# but steered by {run.planner}, a planner given from code, which this file cannot "
             "name"
         )
+    return "\n".join([*lines, *toml_lines(data), ""])
+
+
+def toml_lines(data: dict[str, Any]) -> list[str]:
+    """A scenario's keys in TOML, tables last."""
     tables = {key: value for key, value in data.items() if key == "auv" or isinstance(value, dict)}
-    lines += key_lines({key: value for key, value in data.items() if key not in tables})
+    lines = key_lines({key: value for key, value in data.items() if key not in tables})
     for key, value in tables.items():
         if isinstance(value, dict):
             lines += table_lines(f"[{key}]", key, value)
         else:
             lines += array_lines(key, value)
-    return "\n".join([*lines, ""])
+    return lines
 
 
 def table_lines(heading: str, name: str, table: dict[str, Any]) -> list[str]:

@@ -24,6 +24,15 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 FEWEST = fewest_pairs(1)  # seeds of which a difference can be told from chance
+WRITTEN = (  # in a square of the figure
+    "ratio",
+    "rms_error_m",
+    "rms_error_m_low",
+    "rms_error_m_high",
+    "rms_error_q95_m",
+    "ties",
+    "broke",
+)
 SHOWN_WORST = 5.0  # times the best, at which the figure's colours end
 
 
@@ -133,9 +142,9 @@ def rival_cells(own: "pd.Series", others: "pd.DataFrame") -> tuple[str, str, str
 
 
 def suite_figure(suite: Suite) -> "Figure":
-    """Draw every planner in every scenario: its median RMS error.
+    """Draw every planner in every scenario: its median RMS error, with interval and 95 % quantile.
 
-    The colour says how many times the best it is.
+    The colour says how many times the best the median is.
     """
     from matplotlib.colors import LogNorm
     from matplotlib.figure import Figure
@@ -144,12 +153,12 @@ def suite_figure(suite: Suite) -> "Figure":
 
     planners = list(suite.planners["planner"])
     scenarios = sorted(suite.cells["scenario"].unique())
-    grid = suite.cells.pivot_table(
-        index="scenario", columns="planner", values=["ratio", "rms_error_m", "ties", "broke"]
-    ).loc[scenarios]
+    grid = suite.cells.pivot_table(index="scenario", columns="planner", values=[*WRITTEN]).loc[
+        scenarios
+    ]
     ratio = grid["ratio"][planners].to_numpy(dtype=float)
-    width = 2.2 + 0.95 * len(planners)
-    height = 1.4 + 0.32 * len(scenarios)
+    width = 2.2 + 1.15 * len(planners)
+    height = 1.6 + 0.46 * len(scenarios)
     figure = Figure(figsize=(width, height), layout="constrained")
     axes = figure.subplots()
     image = axes.imshow(ratio, norm=LogNorm(1.0, SHOWN_WORST), cmap="YlOrBr", aspect="auto")
@@ -161,7 +170,8 @@ def suite_figure(suite: Suite) -> "Figure":
     axes.set_yticks(range(len(scenarios)), [title(scenario) for scenario in scenarios])
     axes.grid(visible=False)
     add_colour_bar(figure, image)
-    key = "Bold: the best, or not distinguishable from it."
+    key = "Median [its 95 % interval], below it the 95 % quantile of missions. "
+    key += "Bold: the best, or not distinguishable from it."
     if bool(suite.cells["broke"].any()):
         key += " †: broke a limit."
     head(figure, "Median RMS position error [m]", key)
@@ -171,9 +181,18 @@ def suite_figure(suite: Suite) -> "Figure":
 def write_error(axes: "Axes", place: tuple[int, int], square: "pd.Series") -> None:
     """Write a planner's error into its square: bold if it ties, marked if it broke a limit."""
     number = marked(f"{square['rms_error_m']:.2f}", bool(square["broke"] == 1))
+    tail = spread_of(square)
     weight = "bold" if square["ties"] == 1 else "normal"
     colour = "white" if square["ratio"] > SHOWN_WORST / 2 else "black"
-    axes.text(*place, number, ha="center", va="center", fontsize=8, weight=weight, color=colour)
+    axes.text(*place, number, ha="center", va="bottom", fontsize=8, weight=weight, color=colour)
+    axes.text(*place, tail, ha="center", va="top", fontsize=6, color=colour)
+
+
+def spread_of(square: "pd.Series") -> str:
+    """A median's interval, as far as there is one, and the 95 % quantile of missions."""
+    low, high = square["rms_error_m_low"], square["rms_error_m_high"]
+    interval = "" if np.isnan(low) else f"[{low:.2f}, {high:.2f}]\n"
+    return f"{interval}{square['rms_error_q95_m']:.2f}"
 
 
 def add_colour_bar(figure: "Figure", image: "AxesImage") -> None:
