@@ -35,6 +35,7 @@ def table(errors):
             "violation_max_m": np.nan,
         }
         | dict.fromkeys(("max_error_m", "mean_nees", "separation_mean_m", "separation_max_m"), 1.0)
+        | {"rms_error_late_m": e / 2, "pcrb_rms_late_m": e / 4}
         for (s, p), values in errors.items()
         for k, e in enumerate(values)
     ]
@@ -261,6 +262,17 @@ def test_figure_marks_the_best_in_bold(two):
     axes = suite_figure(read_suite(two, {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0})).axes[0]
     bold = [text.get_text() for text in axes.texts if text.get_weight() == "bold"]
     assert bold == ["1.00", "1.00", "1.00"]
+
+
+def test_figure_has_intervals_and_tails_below_the_medians(two):
+    axes = suite_figure(read_suite(two, {"a": 0.25, "b": 0.25}, {"good": 1.0, "bad": 2.0})).axes[0]
+    below = [text.get_text() for text in axes.texts if text.get_va() == "top"]
+    errors = np.linspace(0.9, 1.1, 20)
+    assert len(below) == 4
+    interval, tail = below[0].split("\n")  # good in a
+    low, high = map(float, interval.strip("[]").split(", "))
+    assert 0.9 < low < 1.0 < high < 1.1
+    assert tail == f"{errors[18]:.2f}"  # the nineteenth of twenty
 
 
 @pytest.mark.slow

@@ -54,7 +54,7 @@ def drawn(rng: np.random.Generator, name: str) -> dict[str, Any]:
     """Draw a scenario, whether it can be flown or not."""
     speed = even(rng, 0.5, 2.5)
     radius = even(rng, 5.0, 20.0)
-    duration = round(even(rng, 600.0, 1000.0))
+    duration = float(round(even(rng, 600.0, 1000.0)))
     auvs = drawn_auvs(rng, speed, duration)
     away, bearing = log_even(rng, 30.0, 500.0), rng.uniform(0.0, 2 * np.pi)
     start = {
@@ -72,7 +72,7 @@ def drawn(rng: np.random.Generator, name: str) -> dict[str, Any]:
         "name": name,
         "seed": 1,
         "time_step": TIME_STEP,
-        "duration": float(duration),
+        "duration": duration,
         "origin": {"lat": 47.629, "lon": -122.337},
         "cna": {
             "speed": speed,

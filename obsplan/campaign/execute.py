@@ -27,6 +27,8 @@ from obsplan.types import ObsplanError
 
 BATCH_SECONDS = 1.0  # of work in a batch; to schedule one costs some milliseconds
 MOST_IN_A_BATCH = 1000
+PLANS_ONCE = ("whole-mission",)  # for all seeds of a process, and for longer than they take to fly
+PLANNED_BATCH = 50  # seeds that are flown by one plan
 AHEAD = 3  # batches per worker thread, under way or waiting: none of them ever waits for us
 WORTH_COMPILING = 32  # missions per worker that repay a second of compiling
 MOST_LISTED = 20  # failures
@@ -190,11 +192,13 @@ class Flight:
     ) -> Iterator[Batch]:
         """Batches of about a second, smaller toward the end.
 
-        So no worker is left alone with a long one.
+        So no worker is left alone with a long one; but of a planner that plans once for all seeds
+        no two workers plan the same.
         """
         for (number, cell), many in zip(planned, missing, strict=True):
             seeds = self.store.missing(number, cell.seeds)
-            while some := tuple(islice(seeds, self._size(number))):
+            plans_once = cell.planner in PLANS_ONCE
+            while some := tuple(islice(seeds, PLANNED_BATCH if plans_once else self._size(number))):
                 self.issued += len(some)
                 compiled = many >= WORTH_COMPILING * self.threads
                 yield Batch(number, cell.content, some, compiled)
