@@ -1,5 +1,8 @@
 """Evidence: independent seeds, intervals and tails, Holm over rows, drawn scenarios, and what is written of them."""
 
+import json
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,6 +13,7 @@ from obsplan.campaign.evidence import evidence
 from obsplan.campaign.layout import FIGURES
 from obsplan.campaign.plan import BLOCK, block_of, plan_cells
 from obsplan.campaign.statistics import median_interval, tail, tail_ratio
+from obsplan.campaign.suite import weighted
 from obsplan.report.evidence import evidence_figure, median_table, summary, tail_summary, tail_table
 from obsplan.report.files import toml_lines
 from obsplan.scenario import all_shipped, from_dict, load
@@ -144,6 +148,24 @@ def test_a_mission_that_failed_counts_as_worse_than_any(noise):
     assert rows.loc[0, "failed"] == 12
     assert rows.loc[0, "tail_verdict"] == "worse"
     assert "| failed | failed |" in tail_table(rows, "ours", {})
+
+
+def test_errors_count_auvs_by_their_weights_where_these_differ():
+    table = missions({("a", "ours"): [2.0, np.nan], ("b", "ours"): [2.0, 2.0]})
+    own = {"rms_error_m": 1.0, "rms_error_late_m": 2.0, "pcrb_rms_m": 3.0, "pcrb_rms_late_m": 4.0}
+    other = dict.fromkeys(own, 6.0)
+    table["auv"] = json.dumps({"auv-1": own, "auv-2": other})
+    cells = tuple(
+        SimpleNamespace(
+            scenario=name, content=json.dumps({"auv": [{"weight": w}, {"weight": 1.0}]})
+        )
+        for name, w in (("a", 4.0), ("b", 1.0))
+    )
+    counted = weighted(cells, table)
+    expected = np.sqrt((4 * np.array([1.0, 2.0, 3.0, 4.0]) ** 2 + 36) / 5)
+    assert counted.loc[0, list(own)].to_numpy(float) == pytest.approx(expected)
+    assert np.isnan(counted.loc[1, "rms_error_m"])  # it failed
+    assert counted.iloc[2:].equals(table.iloc[2:])
 
 
 def test_tables_and_summary_say_what_the_rows_do(three):

@@ -6,6 +6,7 @@ The certified bound says how far all of them are from what is possible.
 # pyright: reportGeneralTypeIssues=false, reportReturnType=false
 # because pandas is not typed: its columns may be anything
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
     from obsplan.campaign.plan import Cell
 
+WEIGHTED = ("rms_error_m", "rms_error_late_m", "pcrb_rms_m", "pcrb_rms_late_m")
 BRIEF = "duration=60.0"  # [s]; long enough to time decisions
 MEDIANS = (
     "scenario",
@@ -162,6 +164,27 @@ def missions_of(cells: "tuple[Cell, ...]", table: "pd.DataFrame", folder: Path) 
             "give each --set one value, or another --out"
         )
     return found
+
+
+def weighted(cells: "tuple[Cell, ...]", table: "pd.DataFrame") -> "pd.DataFrame":
+    r"""A campaign's table whose RMS figures count AUVs by their weights, as planners are told to.
+
+    .. math:: \sqrt{\sum_i w_i e_i^2 / \sum_i w_i}
+
+    Where all weights of a scenario are alike its rows are as they were.
+    """
+    auvs = {cell.scenario: json.loads(cell.content)["auv"] for cell in cells}
+    weights = {name: [auv.get("weight", 1.0) for auv in found] for name, found in auvs.items()}
+    rows = table["scenario"].map(lambda name: len(set(weights.get(name, ()))) > 1)
+    rows &= table["status"] == "done"
+    table = table.copy()
+    for place in table.index[rows]:
+        figures = list(json.loads(table.at[place, "auv"]).values())
+        shares = weights[table.at[place, "scenario"]]
+        for figure in WEIGHTED:
+            squares = np.square([auv[figure] for auv in figures])
+            table.at[place, figure] = np.sqrt(np.average(squares, weights=shares))
+    return table
 
 
 def least_error(scenario: Scenario) -> float:

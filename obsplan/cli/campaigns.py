@@ -183,7 +183,7 @@ def compare_suite(
     The folder is resumed if it is there.
     """
     from obsplan.campaign import load_campaign, plan_cells
-    from obsplan.campaign.suite import missions_of, read_suite, yardsticks
+    from obsplan.campaign.suite import missions_of, read_suite, weighted, yardsticks
     from obsplan.report import scenario_table, suite_sentences, suite_table, write_suite
     from obsplan.report.words import NO_BOUND
     from obsplan.scenario import SUITES, suite
@@ -193,7 +193,7 @@ def compare_suite(
         scenarios, planners=planners, vary=settings, runs=runs, seed=seed, independent=True
     )
     failed = fly(cells, out)
-    table = missions_of(cells, load_campaign(out), out)
+    table = weighted(cells, missions_of(cells, load_campaign(out), out))
     settings = [*settings, *([] if seed is None else [f"seed={seed}"])]
     with keeping(out), progress("bounds and decision times") as advance:
         bounds, times = yardsticks(scenarios, planners, settings, advance, bounded=bounded)
