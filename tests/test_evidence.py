@@ -1,6 +1,7 @@
 """Evidence: independent seeds, intervals and tails, Holm over rows, drawn scenarios, and what is written of them."""
 
 import json
+from concurrent.futures import Future
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,9 +11,11 @@ from scipy import stats
 
 from obsplan.campaign.drawn import drawn_scenario
 from obsplan.campaign.evidence import evidence
+from obsplan.campaign.execute import Flight
 from obsplan.campaign.layout import FIGURES
 from obsplan.campaign.plan import BLOCK, block_of, plan_cells
 from obsplan.campaign.statistics import median_interval, tail, tail_ratio
+from obsplan.campaign.store import Store
 from obsplan.campaign.suite import weighted
 from obsplan.report.evidence import evidence_figure, median_table, summary, tail_summary, tail_table
 from obsplan.report.files import toml_lines
@@ -148,6 +151,19 @@ def test_a_mission_that_failed_counts_as_worse_than_any(noise):
     assert rows.loc[0, "failed"] == 12
     assert rows.loc[0, "tail_verdict"] == "worse"
     assert "| failed | failed |" in tail_table(rows, "ours", {})
+
+
+def test_missions_under_one_plan_go_to_one_worker(tmp_path):
+    cells = plan_cells(["suite/one-moored"], planners=["whole-mission", "circle"], runs=40)
+    crew = SimpleNamespace(threads=lambda: 2, send=lambda _batch: Future())
+    with Store(tmp_path) as store:
+        numbers = store.enter(cells)
+        flight = Flight(crew=crew, store=store, progress=lambda *_: None, todo=80, threads=2)
+        batches = [*flight.batches([*zip(numbers, cells, strict=True)], [40, 40])]
+    sizes = {number: [len(b.seeds) for b in batches if b.cell == number] for number in numbers}
+    assert sizes[numbers[0]] == [40]
+    assert sizes[numbers[1]][:3] == [1, 1, 1]
+    assert sum(sizes[numbers[1]]) == 40
 
 
 def test_errors_count_auvs_by_their_weights_where_these_differ():
