@@ -18,6 +18,7 @@ from obsplan.campaign.evidence import BEST, BROKE, LEVEL_WITH, evidence, lowest_
 from obsplan.campaign.suite import missions_of, weighted
 from obsplan.files import write_atomically
 from obsplan.planners import PLANNERS
+from obsplan.report.campaign import made
 from obsplan.report.evidence import (
     evidence_figure,
     markdown,
@@ -60,6 +61,7 @@ def main() -> None:
     """Fly, and write."""
     given = arguments()
     names = tuple(given.planners.split(","))
+    made(Path(given.docs))  # what cannot be written is said before anything is flown
     parts: dict[str, list[str]] = {}
     found: dict[str, pd.DataFrame] = {}
     frames = []
