@@ -231,7 +231,7 @@ def drawn_part(rows: "pd.DataFrame", given: argparse.Namespace) -> list[str]:
         "over paired seeds has p > 0.05, not corrected, which is the stricter way to be level.",
         *bullets(summary(rows, DEFAULT)),
         ranges,
-        f"The {LISTED} in which it does worst:",
+        f"The {min(LISTED, len(rows))} in which it does worst:",
     ]
     worst = rows.sort_values("ratio", ascending=False).head(LISTED)
     headings = ["scenario", f"`{DEFAULT}` [m]", "best other", "its error [m]", "ratio", "p"]
