@@ -1,78 +1,113 @@
-"""Some time steps in one call, on memory that is kept from call to call, and a mission's memory."""
+"""A mission's memory, and some time steps in one call on it."""
 
 import threading
+from math import prod
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from formulations.model.casadi import Call, in_sequence, matrix
+from formulations.model.casadi import in_sequence, matrix
 from formulations.model.covariance import unpack_array
-from obsplan.simulation.step import Carry, Inputs, Log
+from obsplan.scenario import Scenario
+from obsplan.simulation.step import HELD, Carry, Inputs, Log, shape_of
+
+Sizes = dict[str, tuple[int, int]]  # axes (column, row) of fields
+
+
+class Memory:
+    """What a flight reads and writes, with one row for each step.
+
+    Fields are views, so that nothing is moved between what is computed and what is recorded. A
+    field of the carry that is held has the present sample only.
+    """
+
+    def __init__(
+        self, scenario: Scenario, first: Carry, inputs: Inputs, *, covariances: bool
+    ) -> None:
+        steps = len(inputs.time)
+        self.held = HELD if covariances else (*HELD, "covariance")
+        recorded = {n: a.shape for n, a in first._asdict().items() if n not in self.held}
+        self.recorded, states = room(steps + 1, recorded)
+        given = {name: values.shape[1:] for name, values in inputs._asdict().items()}
+        self.given, told = room(steps, given)
+        self.logged, logs = room(steps, {n: shape_of(n, scenario) for n in Log._fields})
+        states |= {name: getattr(first, name)[None].copy() for name in self.held}
+        for name, start in first._asdict().items():
+            states[name][0] = start
+        for name, values in inputs._asdict().items():
+            told[name][...] = values
+        self.carry, self.inputs, self.log = Carry(**states), Inputs(**told), Log(**logs)
 
 
 class Advance(threading.local):
-    """The step a number of times; each thread has memory of its own."""
+    """The step a number of times; each thread has memory of its own for what is held."""
 
-    def __init__(self, step: ca.Function, count: int) -> None:
-        names = step.name_in()
-        self._carried = [name for name in names if name in Carry._fields]
-        self._inputs = [name for name in names if name in Inputs._fields]
-        self._logged = [name for name in step.name_out() if name in Log._fields]
-        carried = len(self._carried)
-        steps = in_sequence(step, count, carried)
-        sizes = [steps.numel_in(i) for i in range(steps.n_in())]
-        given = matrix("given", sum(sizes))
-        parts = ca.vertsplit(given, np.cumsum([0, *sizes]).tolist())
-        arguments = [ca.reshape(a, *steps.size_in(i)) for i, a in enumerate(parts)]
-        found = ca.vertcat(*(ca.vec(result) for result in steps.call(arguments)))
-        self._call = Call(ca.Function("advance", [given], [found]))
-        self._count = count
-        before = [(1, *step.size_in(i)[::-1]) for i in range(carried)]
-        each = [(count, *step.size_in(i)[::-1]) for i in range(carried, step.n_in())]
-        after = [(count, *step.size_out(i)[::-1]) for i in range(step.n_out())]
-        self._given = _parts(self._call.given, before + each)
-        self._found = _parts(self._call.found, after)
+    def __init__(self, step: ca.Function, count: int, held: tuple[str, ...]) -> None:
+        packed, sizes = packed_step(step, held)
+        self._held = [name for name in sizes if name in held]
+        buffer, self._run = in_sequence(packed, count, 2).buffer()
+        rows = packed.size1_in(1)
+        self._before, self._after = np.empty(rows), np.empty((count, rows))
+        # CasADi's own signatures are wrong
+        buffer.set_arg(1, self._before.data)  # pyright: ignore[reportCallIssue]
+        buffer.set_res(1, self._after.data)  # pyright: ignore[reportCallIssue]
+        self._buffer, self._count = buffer, count
+        of_held = {name: sizes[name] for name in self._held}
+        self._parts = fields(self._before[None], of_held)
+        self._found = fields(self._after[-1:], of_held)
 
-    def __call__(self, carry: Carry, inputs: Inputs, log: Log, k: int) -> None:
-        """Take the steps from step k on.
-
-        An array of the carry that has one sample only holds the present one.
-        """
-        now, after = slice(k, k + self._count), slice(k + 1, k + 1 + self._count)
-        states = [getattr(carry, name) for name in self._carried]
-        given = [values[k if len(values) > 1 else 0] for values in states]
-        given += [getattr(inputs, name)[now] for name in self._inputs]
-        found = [values[after] if len(values) > 1 else values for values in states]
-        found += [getattr(log, name)[now] for name in self._logged]
+    def __call__(self, memory: Memory, k: int) -> None:
+        """Take the steps from step k on."""
+        end = k + self._count
+        self._buffer.set_arg(0, memory.recorded[k].data)  # pyright: ignore[reportCallIssue]
+        self._buffer.set_arg(2, memory.given[k:end].data)  # pyright: ignore[reportCallIssue]
+        self._buffer.set_res(0, memory.recorded[k + 1 : end + 1].data)  # pyright: ignore[reportCallIssue]
+        self._buffer.set_res(2, memory.logged[k:end].data)  # pyright: ignore[reportCallIssue]
         # of hypotheses a step may have less room than the carry
-        for memory, values in zip(self._given, given, strict=True):
-            memory[...] = values[..., : memory.shape[-1]]
-        self._call()
-        for memory, values in zip(self._found, found, strict=True):
-            values[..., : memory.shape[-1]] = memory[-len(values) :]
+        for name, part in self._parts.items():
+            part[...] = getattr(memory.carry, name)[..., : part.shape[-1]]
+        self._run()
+        for name, part in self._found.items():
+            getattr(memory.carry, name)[..., : part.shape[-1]] = part
 
 
-def _parts(column: np.ndarray, shapes: list[tuple[int, ...]]) -> list[np.ndarray]:
-    """Views of a column's parts, each of a shape."""
-    ends = np.cumsum([np.prod(shape) for shape in shapes])
-    parts = np.split(column, ends[:-1])
-    return [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
+def packed_step(step: ca.Function, held: tuple[str, ...]) -> tuple[ca.Function, Sizes]:
+    """The step of columns, and its fields' axes.
+
+    It is of (recorded, held, inputs), and gives the first two anew and what is logged.
+    """
+    names = step.name_in()
+    recorded = [name for name in names if name in Carry._fields and name not in held]
+    kept = [name for name in names if name in held]
+    given = [name for name in names if name in Inputs._fields]
+    logged = [name for name in step.name_out() if name in Log._fields]
+    sizes = {name: step.size_in(name)[::-1] for name in names}
+    columns, arguments = [], {}
+    for parts in (recorded, kept, given):
+        column = matrix("column", sum(prod(sizes[name]) for name in parts))
+        ends = np.cumsum([0, *(prod(sizes[name]) for name in parts)]).tolist()
+        for name, part in zip(parts, ca.vertsplit(column, ends), strict=True):
+            arguments[name] = ca.reshape(part, *sizes[name][::-1])
+        columns.append(column)
+    found: dict[str, Any] = step(**arguments)
+    after = [[f"next_{name}" for name in recorded], [f"next_{name}" for name in kept], logged]
+    results = [ca.vertcat(*(ca.vec(found[name]) for name in parts)) for parts in after]
+    return ca.Function("packed", columns, results), sizes
 
 
-def carried(first: Carry, steps: int, held: tuple[str, ...]) -> Carry:
-    """The carry at time 0, with room for those after each step, or the present one if held."""
-    arrays = []
-    for name, start in zip(Carry._fields, first, strict=True):
-        samples = 1 if name in held else steps + 1
-        array = room(samples, *start.shape)
-        array[0] = start
-        arrays.append(array)
-    return Carry(*arrays)
+def room(samples: int, sizes: Sizes) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Memory for so many samples, and its fields."""
+    rows = np.empty((samples, sum(prod(size) for size in sizes.values())))
+    return rows, fields(rows, sizes)
 
 
-def room(samples: int, columns: int, rows: int) -> np.ndarray:
-    """An empty array (samples, columns, rows), in memory with the columns first, as runs are."""
-    return np.empty((columns, samples, rows)).swapaxes(0, 1)
+def fields(rows: np.ndarray, sizes: Sizes) -> dict[str, np.ndarray]:
+    """Views (samples, columns, rows) of the fields that are one after the other in each row."""
+    ends = np.cumsum([prod(size) for size in sizes.values()])
+    parts = np.split(rows, ends[:-1], axis=1)
+    shaped = zip(sizes.items(), parts, strict=True)
+    return {name: part.reshape(len(rows), *size) for (name, size), part in shaped}
 
 
 def recorded_covariance(carry: Carry) -> np.ndarray:

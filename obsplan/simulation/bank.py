@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool, Float, Integer
+from jaxtyping import Float, Integer
 
 from formulations.model.covariance import motions, predicted
 from obsplan.estimators.hypotheses import places, room_for, tidied
@@ -38,7 +38,7 @@ class Bank:
         ranged = np.flatnonzero(inputs.ping[k : k + n].any(axis=(1, 2)))
         return int(ranged[0]) + 1 if ranged.size else n
 
-    def tidy(self, carry: Carry, k: int, came: Bool[np.ndarray, "auvs beacons"]) -> None:
+    def tidy(self, carry: Carry, log: Log, k: int) -> None:
         """After the step before sample k: drop and merge hypotheses, and count them.
 
         Only those of AUVs to whom a range came: where none did nothing is known anew.
@@ -48,7 +48,8 @@ class Bank:
         states = carry.mean.shape[-1]
         size = self.scenario.filtering(self.room).rows
         banks = carry.bank[0][:, :size]
-        for i in np.flatnonzero(came.any(axis=1)):
+        came = np.isfinite(log.range[k - 1]).any(axis=1)
+        for i in np.flatnonzero(came):
             if banks[i, 0]:  # no range yet
                 continue
             banks[i], known = tidied(banks[i], states)

@@ -33,12 +33,12 @@ from obsplan.planning.water import in_the_water
 from obsplan.run import Run, Timing
 from obsplan.scenario import Scenario, load
 from obsplan.signals import hear_stops
-from obsplan.simulation.advance import Advance, carried, recorded_covariance, room
+from obsplan.simulation.advance import Advance, Memory, recorded_covariance
 from obsplan.simulation.bank import Bank
 from obsplan.simulation.beliefs import beliefs, poses_of
 from obsplan.simulation.inputs import mission_inputs
 from obsplan.simulation.recorded import record
-from obsplan.simulation.step import HELD, Carry, Inputs, Log, StepBuilder, folded, shape_of
+from obsplan.simulation.step import StepBuilder, folded
 from obsplan.types import Belief, ObsplanError, Pose
 
 LOG = logging.getLogger(__name__)
@@ -211,25 +211,26 @@ class ClosedLoop:
         first, inputs = mission_inputs(self.scenario, starts, seed)
         steps = len(inputs.time)
         team, progress = prepared(Team(self.planners, self.joint), starts, progress)
-        carry = carried(first, steps, HELD if covariances else (*HELD, "covariance"))
-        log = Log(*(room(steps, *shape_of(name, self.scenario)) for name in Log._fields))
+        memory = Memory(self.scenario, first, inputs, covariances=covariances)
+        del inputs
         walk, bank = Walk(), Bank(scenario=self.scenario)
         offered = [self._commands(planner, steps) for planner in self.planners]
         fixed = [commands for commands in offered if commands is not None]
         if len(fixed) == len(offered):
             codes = []
             for c, (commands, aid) in enumerate(zip(fixed, self.scenario.aids, strict=True)):
-                inputs.given[:, c], code = fitted_commands(commands, aid)
+                memory.inputs.given[:, c], code = fitted_commands(commands, aid)
                 codes.append(code)
-            self._fold(carry, inputs, log, bank, progress)
-            log.status[:, :, 0] = np.stack(codes, axis=-1)
+            self._fold(memory, bank, progress)
+            memory.log.status[:, :, 0] = np.stack(codes, axis=-1)
         elif all(folded(self.scenario, planner) is not None for planner in self.planners):
-            self._fold(carry, inputs, log, bank, progress)
+            self._fold(memory, bank, progress)
         else:
-            walk = self._walk(self._of_mission(team, seed), carry, inputs, log, bank, progress)
+            walk = self._walk(self._of_mission(team, seed), memory, bank, progress)
         timing = Timing(seconds=perf_counter() - began, decision_seconds=walk.seconds)
         # what a run does not hold makes room: of a long mission it is large
-        del inputs
+        carry, log = memory.carry, memory.log
+        del memory
         carry = carry._replace(covariance=recorded_covariance(carry))
         run = record(self.scenario, self.planners, seed, carry, log, timing, walk.faults)
         return replace(run, hypotheses=bank.fitting)
@@ -250,41 +251,34 @@ class ClosedLoop:
                 found.append(planner)
         return replace(team, members=tuple(found))
 
-    def _fold(self, carry: Carry, inputs: Inputs, log: Log, bank: Bank, progress: Progress) -> None:
+    def _fold(self, memory: Memory, bank: Bank, progress: Progress) -> None:
         """Advance by whole chunks of steps; the planner is part of the step."""
-        steps = len(inputs.time)
+        steps = len(memory.given)
         for k in range(0, steps, CHUNK):
             n = min(CHUNK, steps - k)
-            self._advance(carry, inputs, log, bank, k, n)
+            self._advance(memory, bank, k, n)
             progress(k + n, steps)
 
-    def _advance(self, carry: Carry, inputs: Inputs, log: Log, bank: Bank, k: int, n: int) -> None:
+    def _advance(self, memory: Memory, bank: Bank, k: int, n: int) -> None:
         """Take n steps from step k on."""
         end = k + n
         while k < end:
-            some = bank.until(inputs, k, end - k)
-            key = bank.room, some
+            some = bank.until(memory.inputs, k, end - k)
+            key = bank.room, some, memory.held
             if key not in self._advances:
-                self._advances[key] = Advance(self._step(bank.room), some)
-            self._advances[key](carry, inputs, log, k)
+                self._advances[key] = Advance(self._step(bank.room), some, memory.held)
+            self._advances[key](memory, k)
             k += some
-            bank.tidy(carry, k, np.isfinite(log.range[k - 1]))
+            bank.tidy(memory.carry, memory.log, k)
 
     @cached_property
-    def _advances(self) -> dict[tuple[int, int], Advance]:
-        """By room for hypotheses and number of steps."""
+    def _advances(self) -> dict[tuple[int, int, tuple[str, ...]], Advance]:
+        """By room for hypotheses, number of steps, and what is held."""
         return {}
 
-    def _walk(
-        self,
-        team: Team,
-        carry: Carry,
-        inputs: Inputs,
-        log: Log,
-        bank: Bank,
-        progress: Progress,
-    ) -> "Walk":
+    def _walk(self, team: Team, memory: Memory, bank: Bank, progress: Progress) -> "Walk":
         """Advance from decision to decision, calling the planners."""
+        carry, inputs, log = memory.carry, memory.inputs, memory.log
         steps, every = len(inputs.time), self.scenario.decide_every
         walk, free = Walk(), [self._is_free(planner) for planner in team.members]
         situations, before = self.scenario.situations, []
@@ -304,7 +298,7 @@ class ClosedLoop:
                     said = f"first after {time:g} s: {fault}"
                     walk.faults.setdefault(decision.status.label, said)
                 inputs.given[k : k + n, c] = decision.turn_rate, decision.speed
-            self._advance(carry, inputs, log, bank, k, n)
+            self._advance(memory, bank, k, n)
             for c, (decision, _) in enumerate(answers):
                 log.score[k, c], log.status[k, c] = decision.score, decision.status
             condition = answers[0].decision.condition

@@ -32,7 +32,8 @@ def record(
     for c in range(len(planners)):
         score, status = held(log, c)
         turn_rate, speed = command[:, c].T
-        aids.append(AidTrack(carry.cna[:, c], turn_rate, speed, score, status))
+        # copied: a view would keep all of the flight's memory
+        aids.append(AidTrack(carry.cna[:, c].copy(), turn_rate, speed, score, status))
     first, planner = aids[0], planners[0]
     label = planner.condition_label if isinstance(planner, NamesCondition) else ""
     # decided at a step's beginning
