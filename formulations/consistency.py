@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Integer
-from scipy.special import erfc, gammaincinv
 
 CONFIDENCE = 0.95  # of the interval
 INSTANTS = 400  # of a run that are looked at: errors change little between them
@@ -116,6 +115,8 @@ def mean_interval(
         )
     if not samples > 0:
         return float("nan"), float("nan")
+    from scipy.special import gammaincinv  # takes as long to import as half a mission
+
     tail = (1.0 - probability) / 2
     # quantiles of the chi-square distribution
     low, high = 2 * gammaincinv(degrees * samples / 2, [tail, 1.0 - tail]) / samples
@@ -159,6 +160,8 @@ def runs_of_signs(values: Float[np.ndarray, " n"]) -> Runs:
     runs = int(np.count_nonzero(up[1:] != up[:-1])) + min(n, 1)
     pairs = 2.0 * positive * negative
     if pairs > n:
+        from scipy.special import erfc
+
         variance = pairs * (pairs - n) / (n**2 * (n - 1.0))
         z = float((runs - 1 - pairs / n) / np.sqrt(variance))
         return Runs(positive, negative, runs, z, float(erfc(abs(z) / np.sqrt(2))))

@@ -1,6 +1,7 @@
 """A mission's memory, and some time steps in one call on it."""
 
 import threading
+from collections.abc import Mapping
 from math import prod
 from typing import Any
 
@@ -12,7 +13,7 @@ from formulations.model.covariance import unpack_array
 from obsplan.scenario import Scenario
 from obsplan.simulation.step import HELD, Carry, Inputs, Log, shape_of
 
-Sizes = dict[str, tuple[int, int]]  # axes (column, row) of fields
+Sizes = Mapping[str, tuple[int, ...]]  # axes (column, row) of fields
 
 
 class Memory:
