@@ -1,7 +1,7 @@
-"""Write docs/speed.md from what pytest-benchmark recorded.
+"""Write docs/speed.md from what pytest-benchmark recorded, in one file or several.
 
-``python -m pytest tests/benchmarks -o addopts= --benchmark-only --benchmark-json speed.json``,
-then ``python tests/benchmarks/page.py speed.json > docs/speed.md``.
+``python -m pytest tests/benchmarks -o addopts= --benchmark-only --benchmark-timer=time.process_time
+--benchmark-json speed.json``, then ``python tests/benchmarks/page.py speed.json > docs/speed.md``.
 """
 
 import json
@@ -13,20 +13,34 @@ import obsplan
 
 HEAD = """# How fast it is
 
-Everything here was measured in one run on one machine. A table has what is to be compared: a rival, the
-same without a compiler, or the same for more AUVs, steps or points. Read the ratios, which are to its first row.
+CPU time (that of the command line by the clock on the wall), each table in one run. A table has what is to be
+compared: a rival, the same without a compiler, or the same for more AUVs, steps or points. Read the ratios,
+which are to its first row: the machine had other work to do, which makes times longer by half and more, and
+medians more than leasts.
 
 Machine: {machine}, Python {python}. {date}, obsplan {version}.
 
-To repeat it on yours (some minutes; keep the machine quiet):
+To repeat it on yours (some minutes):
 
 ```
 python -m pip install -e '.[test,bench]'
-python -m pytest tests/benchmarks -o addopts= --benchmark-only --benchmark-json speed.json
+python -m pytest tests/benchmarks -o addopts= --benchmark-only --benchmark-timer=time.process_time --benchmark-json speed.json
 python tests/benchmarks/page.py speed.json > docs/speed.md
 ```
 
+{decisions}
+
 """
+DECISIONS = """## decisions of the default planner
+
+`{module}`: one mission of each scenario of the suite, seed {seed}. Of its decisions the middle one, and the one in a
+hundred that takes longest. Without limits a search is one call of machine code; with them numpy chooses what is kept
+after each stage.
+
+| scenario | AUVs | decisions | p50 | p99 | mission |
+| --- | --- | --- | --- | --- | --- |
+{rows}"""
+CORES = {1: "one core", 2: "two cores"}
 UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
 
 
@@ -61,17 +75,34 @@ def table(title, benchmarks):
     return "\n".join(lines)
 
 
+def decisions(benchmarks):
+    """The table of single decisions."""
+    rows = []
+    for one in benchmarks:
+        of = one["extra_info"]["decisions"]
+        name = one["param"].rpartition("/")[2]
+        counts = name, str(of["AUVs"]), str(of["decisions"])
+        cells = *counts, *map(duration, (of["p50"], of["p99"], one["stats"]["min"]))
+        rows.append(f"| {' | '.join(cells)} |")
+    seed = benchmarks[0]["extra_info"]["seed"]
+    return DECISIONS.format(module=module(benchmarks[0]), seed=seed, rows="\n".join(rows))
+
+
 def page(recorded):
     machine = recorded["machine_info"]
     cpu = machine["cpu"]
-    told = f"{cpu['brand_raw']}, {cpu['count']} cores"
-    groups = groupby(recorded["benchmarks"], key=group)
+    cores = CORES.get(cpu["count"], f"{cpu['count']} cores")
+    told = f"{cpu['brand_raw']}, {cores}"
+    single = [one for one in recorded["benchmarks"] if "decisions" in one["extra_info"]]
+    others = [one for one in recorded["benchmarks"] if one not in single]
+    groups = groupby(others, key=group)
     tables = [table(title, list(benchmarks)) for title, benchmarks in groups]
     head = HEAD.format(
         machine=told,
         python=machine["python_version"],
         date=recorded["datetime"][:10],
         version=obsplan.__version__,
+        decisions=decisions(single),
     )
     return head + "\n\n".join(tables) + "\n"
 
@@ -81,6 +112,8 @@ def group(benchmark):
 
 
 if __name__ == "__main__":
-    recorded = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
+    recorded, *more = [json.loads(Path(name).read_text(encoding="utf-8")) for name in sys.argv[1:]]
+    for one in more:
+        recorded["benchmarks"] += one["benchmarks"]
     recorded["benchmarks"].sort(key=lambda one: (module(one), group(one)))
     sys.stdout.write(page(recorded))

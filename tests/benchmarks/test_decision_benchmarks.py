@@ -35,6 +35,7 @@ def test_mission(benchmark, monkeypatch, name):
     flight.fly(SEED)
     run = benchmark.pedantic(flight.fly, args=(SEED,), rounds=1)
     middle, longest = np.percentile(run.timing.decision_seconds, [50, 99])
+    benchmark.extra_info["seed"] = SEED
     benchmark.extra_info["decisions"] = {
         "AUVs": len(run.names),
         "decisions": len(run.timing.decision_seconds),
