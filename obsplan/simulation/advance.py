@@ -61,10 +61,12 @@ class Advance(threading.local):
     def __call__(self, memory: Memory, k: int) -> None:
         """Take the steps from step k on."""
         end = k + self._count
-        self._buffer.set_arg(0, memory.recorded[k].data)  # pyright: ignore[reportCallIssue]
-        self._buffer.set_arg(2, memory.given[k:end].data)  # pyright: ignore[reportCallIssue]
-        self._buffer.set_res(0, memory.recorded[k + 1 : end + 1].data)  # pyright: ignore[reportCallIssue]
-        self._buffer.set_res(2, memory.logged[k:end].data)  # pyright: ignore[reportCallIssue]
+        before, given = memory.recorded[k], memory.given[k:end]
+        after, logged = memory.recorded[k + 1 : end + 1], memory.logged[k:end]
+        for i, rows in ((0, before), (2, given)):
+            self._buffer.set_arg(i, rows.data)  # pyright: ignore[reportCallIssue]
+        for i, rows in ((0, after), (2, logged)):
+            self._buffer.set_res(i, rows.data)  # pyright: ignore[reportCallIssue]
         # of hypotheses a step may have less room than the carry
         for name, part in self._parts.items():
             part[...] = getattr(memory.carry, name)[..., : part.shape[-1]]
