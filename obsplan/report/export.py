@@ -253,13 +253,13 @@ def _ways(
     """The paths as flown, the missions as loaded and so late [s], and the planner on board."""
     step, steps = run.scenario.table.time_step, run.time.size - 1
 
-    def fixed(commands: Sequence[Float[np.ndarray, "steps 2"]]) -> ClosedLoop:
+    def fixed(commands: Sequence[Float[np.ndarray, "steps 2"]]) -> FixedPath | Team:
         paths = tuple(FixedPath(commands=one, time_step=step) for one in commands)
-        return ClosedLoop(
-            scenario=run.scenario, planner=paths[0] if len(paths) == 1 else Team(paths)
-        )
+        return paths[0] if len(paths) == 1 else Team(paths)
 
-    yield FLOWN, fixed([np.column_stack([a.turn_rate[:-1], a.speed[:-1]]) for a in run.aids])
+    as_flown = fixed([np.column_stack([a.turn_rate[:-1], a.speed[:-1]]) for a in run.aids])
+    flown = ClosedLoop(scenario=run.scenario, planner=as_flown)
+    yield FLOWN, flown
     acceptance = run.scenario.table.export.min_spacing
     streams = stream(run.scenario)
     for seconds in late:
@@ -276,7 +276,7 @@ def _ways(
                 stream=streams[:, aid],
             )
             commands.append(own)
-        yield way, fixed(commands)
+        yield way, flown.along(fixed(commands))
     if reacting:
         yield CLOSED_LOOP, reacting
 

@@ -153,6 +153,15 @@ class ClosedLoop:
         """By the number of hypotheses."""
         return {}
 
+    def along(self, planner: "Planner | Team") -> "ClosedLoop":
+        """The same scenario under a planner whose commands are fixed beforehand, as this one's are.
+
+        The step does not depend on such commands, so it is not built again.
+        """
+        other = replace(self, planner=planner)
+        vars(other).update(_steps=self._steps, _advances=self._advances)  # those kept below
+        return other
+
     def _built(self, hypotheses: int) -> ca.Function:
         auvs = len(self.scenario.table.auv)
         expressions = []
