@@ -93,6 +93,7 @@ def test_decision_is_the_first_turn_of_the_search_it_describes():
         ranging=Ranging(7.0, squared=True),
         criterion="log-det",
         beam_width=9,
+        per_metre=0.1 * 2 / (2.0 * 12.0),  # two dimensions; speed and horizon of the vehicle
     )
     decision = mine.plan(pose, auvs, time=5.0)
     assert (decision.turn_rate, decision.score, decision.status) == (
