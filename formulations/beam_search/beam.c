@@ -50,10 +50,8 @@ __attribute__((noinline)) void branch(int64_t count, const double* told, struct 
       of_one(from->covariance[m], auv, from->pose, (lanes*)to->pose, stage, known, to_go,
              to->covariance[m]);
       const lanes weight = all(auv[WEIGHT]);
-      for (int k = 0; k < TURNS; ++k) {
-        total[k] += known[k] * weight;
-        to_come[k] += to_go[k] * weight;
-      }
+      for (int k = 0; k < TURNS; ++k) total[k] += known[k] * weight;
+      for (int k = 0; k < TURNS; ++k) to_come[k] += to_go[k];
     }
     for (int k = 0; k < TURNS; ++k) {
       const lanes cost = from->cost + share * total[k];

@@ -16,6 +16,7 @@ TINY = 1e-30  # [m^4]; a position known exactly has no logarithm
 # What a branching is told of an AUV at the last ranges and at the next: where it is, how far the
 # aid vehicle is above it, how many ranges there are, and the root of what else is known then.
 AT_RANGES = ("x", "y", "height", "pings", "root_east", "root_both", "root_north")
+# ``per_metre`` is what each metre to the AUV costs that is to come, weighted as the AUV is.
 AUV = (
     *(f"{name}_before" for name in AT_RANGES),
     *AT_RANGES,
@@ -73,7 +74,7 @@ def branching(kind: Kind) -> Cases:
     known, to_go, predicted = of_all(P, auv, *repeated)
     share, weight = stage[STAGE.index("share")], auv[AUV.index("weight"), :]
     costs = cost + share * (known @ weight.T)
-    ranks = costs + to_go @ weight.T
+    ranks = costs + ca.sum2(to_go)
     outputs = [costs, ranks, poses, predicted]
     function = ca.Function("branching", [pose, P, cost, told], outputs)
     return Cases(function, scalars=auvs * turns <= UNROLLED)

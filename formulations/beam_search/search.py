@@ -246,8 +246,9 @@ def _told(
     auv[..., 2 * at : 2 * at + 3] = motions(tracks.heading, tracks.speed)
     auv[..., 2 * at + 3 : 2 * at + 3 + process_noise.shape[1]] = process_noise
     auv[..., AUV.index("doubt")] = doubts
-    auv[..., AUV.index("weight")] = weights / weights.sum()
-    auv[..., AUV.index("per_metre")] = per_metre
+    weight = weights / weights.sum()
+    auv[..., AUV.index("weight")] = weight
+    auv[..., AUV.index("per_metre")] = weight * per_metre
     stage[:, 0] = stages.duration
     stage[:, 1] = stages.duration / stages.duration.sum()
     stage[:, 2 : 2 + len(LAW)] = ranging.numbers
