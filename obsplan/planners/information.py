@@ -163,6 +163,9 @@ class InformationHorizon:
             return None
         state, turn_rates = np.array([pose.x, pose.y, pose.heading]), self._candidates
         horizon = float(stages.duration.sum())
+        to_come = cost_per_metre(
+            covariance, speed=cna.speed, horizon=horizon, criterion=self.criterion
+        )
         limits = LimitsAhead(self.situation, auvs, companions) if self.constraints else None
         return search_manoeuvres(
             state,
@@ -182,9 +185,7 @@ class InformationHorizon:
             first_violation=None
             if limits is None
             else limits.first_move(state, turn_rates, cna.speed),
-            per_metre=cost_per_metre(
-                covariance, speed=cna.speed, horizon=horizon, criterion=self.criterion
-            ),
+            per_metre=to_come,
             doubts=np.minimum([auv.doubt for auv in auvs], greatest_doubt(self.situation)),
             known=told(companions, auvs, time, stages, self.situation.current),
         )
