@@ -162,6 +162,7 @@ class InformationHorizon:
         if not np.isfinite(covariance).all():
             return None
         state, turn_rates = np.array([pose.x, pose.y, pose.heading]), self._candidates
+        doubts = np.minimum([auv.doubt for auv in auvs], greatest_doubt(self.situation))
         horizon = float(stages.duration.sum())
         to_come = cost_per_metre(
             covariance, speed=cna.speed, horizon=horizon, criterion=self.criterion
@@ -186,7 +187,7 @@ class InformationHorizon:
             if limits is None
             else limits.first_move(state, turn_rates, cna.speed),
             per_metre=to_come,
-            doubts=np.minimum([auv.doubt for auv in auvs], greatest_doubt(self.situation)),
+            doubts=doubts,
             known=told(companions, auvs, time, stages, self.situation.current),
         )
 
