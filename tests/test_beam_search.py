@@ -210,8 +210,13 @@ def flown(given, turns):
 
 
 def cost_of(given, turns, criterion="trace"):
-    """Mean criterion of a sequence, one AUV after the other by integrated equations and information matrices."""
-    total, share = 0.0, given["weights"] / given["weights"].sum()
+    """Mean criterion of a sequence."""
+    return sum(costs_of(given, turns, criterion))
+
+
+def costs_of(given, turns, criterion="trace"):
+    """What each stage adds to it, one AUV after the other by integrated equations and information matrices."""
+    added, share = np.zeros(len(turns)), given["weights"] / given["weights"].sum()
     duration, pings = given["stages"]
     places = flown(given, turns)
     for i, weight in enumerate(share):
@@ -231,8 +236,8 @@ def cost_of(given, turns, criterion="trace"):
             H = np.array([*x, 0, 0]) / d
             P = np.linalg.inv(np.linalg.inv(P) + np.outer(H, H) / R)
             value = np.trace(P[:2, :2]) if criterion == "trace" else np.linalg.slogdet(P[:2, :2])[1]
-            total += weight * value * duration[s] / duration.sum()
-    return total
+            added[s] += weight * value * duration[s] / duration.sum()
+    return added
 
 
 @pytest.mark.parametrize("criterion", ["trace", "log-det"])
@@ -268,6 +273,35 @@ def test_lost_throughput_costs_its_share_at_the_stages_ends():
     assert tuple(found.x) == best
     assert found.objective == pytest.approx(costs[best], rel=1e-8)
     assert tuple(search_manoeuvres(**given, beam_width=5**3).x) != best
+
+
+def ranked_by_hand(given, per_metre, width):
+    """The sequence that a beam of a width ends with, each of its nodes ranked by cost and by what its own distance will cost."""
+    rates, share = given["turn_rates"], given["weights"] / given["weights"].sum()
+    whole = list(itertools.product(rates, repeat=len(given["stages"].duration)))
+    costs = {turns: np.cumsum(costs_of(given, turns)) for turns in whole}
+    places = {turns: flown(given, turns) for turns in whole}
+    kept = [()]
+    for s in range(len(whole[0])):
+        rank = {}
+        for turns in whole:
+            if turns[:s] in kept:
+                away = np.linalg.norm(places[turns][s] - given["tracks"].position[s], axis=1)
+                rank[turns[: s + 1]] = costs[turns][s] + share * per_metre @ away
+        kept = sorted(rank, key=rank.get)[: width if s + 1 < len(whole[0]) else 1]
+    return kept[0], costs[kept[0]][-1]
+
+
+def test_nodes_at_every_level_are_ranked_by_cost_and_what_their_own_distance_will_cost():
+    rng, others = np.random.default_rng(17), 0
+    for _ in range(4):
+        given, per_metre = problem(rng), rng.uniform(0.01, 0.2, 2)
+        turns, cost = ranked_by_hand(given, per_metre, 4)
+        found = search_manoeuvres(**given, per_metre=per_metre, beam_width=4)
+        assert tuple(found.x) == turns
+        assert found.objective == pytest.approx(cost, rel=1e-8)  # without what is to come
+        others += tuple(search_manoeuvres(**given, beam_width=4).x) != turns
+    assert others > 0
 
 
 def test_narrow_beam_says_what_its_sequence_costs_and_loses_little():
@@ -391,6 +425,7 @@ def test_machine_code_finds_what_arrays_find_to_the_last_bit(
         speed=2.0,
         ranging=ranging,
         link=link,
+        per_metre=np.array([0.03, 0.2]),
     )
     form, linked = ranging.form, link.weight > 0
     if spoilt:  # one turn of the second stage leads nowhere
@@ -408,7 +443,7 @@ def test_machine_code_finds_what_arrays_find_to_the_last_bit(
 def test_machine_code_goes_stage_by_stage_as_arrays_do():
     given = problem(np.random.default_rng(21), auvs=3, stages=3)
     names = ("tracks", "process_noise", "weights", "stages", "turn_rates", "speed", "ranging")
-    told = search._told(*(given[name] for name in names))
+    told = search._told(*(given[name] for name in names), per_metre=0.1)
     machine, arrays = beams(3, 3, 40)
     rng, covariance = np.random.default_rng(22), pack_array(given["covariance"])
     for beam in (machine, arrays):
@@ -422,6 +457,25 @@ def test_machine_code_goes_stage_by_stage_as_arrays_do():
         arrays.follow(kept)
     for part, other in zip(machine.first(told), arrays.first(told), strict=True):
         np.testing.assert_array_equal(part, other)
+
+
+def test_what_is_to_come_counts_slant_distances_where_ranges_are_slant():
+    given = problem(np.random.default_rng(23))
+    given |= deep(given, 4)
+    names = ("tracks", "process_noise", "weights", "stages", "turn_rates", "speed")
+    ranks = []
+    for per_metre in (0.0, 0.1):
+        beam = Interpreted(branching(Kind(2, 5, EVERYTHING.form, "trace")), 5, 9)
+        beam.begin(given["pose"], pack_array(given["covariance"]))
+        told = search._told(
+            *(given[name] for name in names), ranging=EVERYTHING, per_metre=per_metre
+        )
+        ranks.append(beam.branch(told[0]).copy())
+    share = given["weights"] / given["weights"].sum()
+    for k, turn in enumerate(given["turn_rates"]):
+        there = arc(given["pose"], turn, 2.0, given["stages"].duration[0])[:2]
+        away = np.hypot(np.linalg.norm(there - given["tracks"].position[0], axis=1), 9.0)
+        assert ranks[1][k] - ranks[0][k] == pytest.approx(0.1 * share @ away, rel=1e-9)
 
 
 def by_machine_code(cost, count):

@@ -17,6 +17,7 @@ from formulations.model.covariance import condition_on_range
 from formulations.model.ranging import Ranging
 from formulations.model.schedule import Stages, ping_stages
 from formulations.solution import Status
+from obsplan.planners import information
 from obsplan.planners.information import predicted_tracks
 
 CNA = op.Unicycle(speed=2.0, min_turn_radius=5.0)
@@ -93,6 +94,7 @@ def test_decision_is_the_first_turn_of_the_search_it_describes():
         ranging=Ranging(7.0, squared=True),
         criterion="log-det",
         beam_width=9,
+        per_metre=0.1 * 2 / (2.0 * 12.0),  # two dimensions; speed and horizon of the vehicle
     )
     decision = mine.plan(pose, auvs, time=5.0)
     assert (decision.turn_rate, decision.score, decision.status) == (
@@ -147,6 +149,62 @@ def test_options_out_of_range_are_refused_by_name_and_value(option, value, messa
 
 
 # Its distance
+
+
+def team(*, length=1.0, time=1.0):
+    """Four AUVs at rest in a line, in units that are so many times smaller."""
+    sigma = np.array([length, length, 0.02, 0.03 * length / time])
+    walks = np.array([0.05 * length, 0.002, 0.01 * length / time]) / math.sqrt(time)
+    return [
+        op.Belief(
+            mean=np.array([20.0 * i * length, 0.0, 0.3, 0.0]),
+            covariance=np.diag(sigma**2),
+            process_noise=tuple(walks.tolist()),
+        )
+        for i in range(4)
+    ]
+
+
+def from_afar(steps):
+    """Distance [m] from a team's middle at last, from 400 m away and on the way out."""
+    mine = planner(horizon=30.0, stages=5, turn_rates=5, beam_width=32, ping_interval=5.0)
+    pose, auvs = np.array([300.0, 300.0, 0.8]), team()
+    for k in range(steps):
+        decision = mine.plan(op.Pose(*map(float, pose)), auvs, time=2.0 * k)
+        pose = arc(pose, decision.turn_rate, decision.speed, 2.0)
+    return math.dist(pose[:2], (30.0, 0.0))
+
+
+def test_comes_back_from_afar_because_of_what_its_distance_will_cost(monkeypatch):
+    assert from_afar(100) < 150.0
+    monkeypatch.setattr(
+        information, "cost_per_metre", lambda covariance, **_: np.zeros(len(covariance))
+    )
+    assert from_afar(100) > 300.0
+
+
+@pytest.mark.parametrize("criterion", ["trace", "log-det"])
+def test_decides_the_same_in_other_units_of_length_and_time(criterion):
+    turns = []
+    for length, time in [(1.0, 1.0), (2.0**-8, 1.0), (2.0**5, 2.0**6)]:
+        cna = op.Unicycle(speed=2.0 * length / time, min_turn_radius=5.0 * length)
+        mine = told(
+            op.InformationHorizon,
+            cna,
+            ping_interval=5.0 * time,
+            sigma=length,
+            horizon=30.0 * time,
+            criterion=criterion,
+            stages=4,
+            turn_rates=5,
+            beam_width=16,
+        )
+        auvs, found = team(length=length, time=time), []
+        for x, y, heading in [(150.0, 80.0, 0.8), (-60.0, 20.0, 2.0), (30.0, -40.0, -1.0)]:
+            decision = mine.plan(op.Pose(x * length, y * length, heading), auvs)
+            found.append(decision.turn_rate * time)
+        turns.append(found)
+    np.testing.assert_allclose(turns[1:], [turns[0]] * 2, rtol=1e-12)
 
 
 def first_order_update(P, x, *, law, pings, height, doubt):  # noqa: ARG001 - as the other takes

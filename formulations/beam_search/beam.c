@@ -27,6 +27,7 @@ struct branches {
 struct memory {
   struct block* beam;
   double* cost;  /* of each branch, of one sequence after the other */
+  double* rank;  /* the same, and what is to come */
   int64_t* kept; /* branches kept after each stage */
   struct branches* branches;
   int64_t *key, *among;
@@ -34,24 +35,31 @@ struct memory {
 
 static int64_t blocks(int64_t sequences) { return (sequences + LANES - 1) / LANES; }
 
-/* Costs of all branches of the sequences in the beam, where they lead, and what is known there. */
+/* Costs and ranks of all branches of the sequences in the beam, where they lead, and what is known
+   there. */
 __attribute__((noinline)) void branch(int64_t count, const double* told, struct memory* of) {
   const double *stage = told + STAGE_AT, *moves = told + MOVES_AT;
   const lanes share = all(stage[SHARE]);
   for (int64_t b = 0; b < blocks(count); ++b) {
     const struct block* from = of->beam + b;
     struct branches* to = of->branches + b;
-    lanes known[TURNS], total[TURNS] = {{0}};
+    lanes known[TURNS], to_go[TURNS], total[TURNS] = {{0}}, to_come[TURNS] = {{0}};
     composed(from->pose, moves, (lanes*)to->pose);
     for (int m = 0; m < AUVS; ++m) {
       const double* auv = told + AUV * m;
-      of_one(from->covariance[m], auv, from->pose, (lanes*)to->pose, stage, known, to->covariance[m]);
+      of_one(from->covariance[m], auv, from->pose, (lanes*)to->pose, stage, known, to_go,
+             to->covariance[m]);
       const lanes weight = all(auv[WEIGHT]);
       for (int k = 0; k < TURNS; ++k) total[k] += known[k] * weight;
+      for (int k = 0; k < TURNS; ++k) to_come[k] += to_go[k];
     }
     for (int k = 0; k < TURNS; ++k) {
       const lanes cost = from->cost + share * total[k];
-      for (int i = 0; i < LANES; ++i) of->cost[TURNS * (LANES * b + i) + k] = cost[i];
+      const lanes rank = cost + to_come[k];
+      for (int i = 0; i < LANES; ++i) {
+        of->cost[TURNS * (LANES * b + i) + k] = cost[i];
+        of->rank[TURNS * (LANES * b + i) + k] = rank[i];
+      }
     }
   }
 }
@@ -153,7 +161,7 @@ void search(int64_t stages, int64_t width, const double* told, struct memory* of
   for (int64_t s = 0, count = 1; s < stages; ++s) {
     int64_t* kept = of->kept + width * s;
     branch(count, told + TOLD * s, of);
-    count = cheapest(TURNS * count, of->cost, s < stages - 1 ? width : 1, kept, of->key, of->among);
+    count = cheapest(TURNS * count, of->rank, s < stages - 1 ? width : 1, kept, of->key, of->among);
     follow(count, kept, of);
   }
 }

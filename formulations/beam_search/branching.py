@@ -16,12 +16,13 @@ TINY = 1e-30  # [m^4]; a position known exactly has no logarithm
 # What a branching is told of an AUV at the last ranges and at the next: where it is, how far the
 # aid vehicle is above it, how many ranges there are, and the root of what else is known then.
 AT_RANGES = ("x", "y", "height", "pings", "root_east", "root_both", "root_north")
+# ``per_metre`` is what each metre to the AUV costs that is to come, weighted as the AUV is.
 AUV = (
     *(f"{name}_before" for name in AT_RANGES),
     *AT_RANGES,
     *("cos", "sin", "speed"),
     *("east_noise", "north_noise", "heading_noise", "speed_noise", "depth_noise"),
-    *("doubt", "weight"),
+    *("doubt", "weight", "per_metre"),
 )
 LAW = ("sigma", "growth", "loss", "per_half_distance", "per_reach")  # its numbers
 # Of the horizon, the share; the numbers of the ranging's law; what lost throughput costs, and its
@@ -53,7 +54,7 @@ def branching(kind: Kind) -> Cases:
     """One stage of one sequence, for many sequences.
 
     (pose, packed covariances: half x M, cost so far, told)
-    -> (costs: K, poses: 3 x K, packed covariances: half x M)
+    -> (costs: K, costs and what is to come: K, poses: 3 x K, packed covariances: half x M)
 
     ``told`` holds ``AUV`` of each, ``STAGE`` and the moves of the turns, 3 x K, one after the
     other.
@@ -70,10 +71,12 @@ def branching(kind: Kind) -> Cases:
     poses = composed(turns)(pose, moves)
     of_all = of_one(kind).map(auvs)
     repeated = [ca.repmat(part, 1, auvs) for part in (pose, poses, stage)]
-    known, predicted = of_all(P, auv, *repeated)
+    known, to_go, predicted = of_all(P, auv, *repeated)
     share, weight = stage[STAGE.index("share")], auv[AUV.index("weight"), :]
     costs = cost + share * (known @ weight.T)
-    function = ca.Function("branching", [pose, P, cost, told], [costs, poses, predicted])
+    ranks = costs + ca.sum2(to_go)
+    outputs = [costs, ranks, poses, predicted]
+    function = ca.Function("branching", [pose, P, cost, told], outputs)
     return Cases(function, scalars=auvs * turns <= UNROLLED)
 
 
@@ -86,7 +89,8 @@ def told_sizes(auvs: int, turns: int) -> tuple[int, int, int]:
 def of_one(kind: Kind) -> ca.Function:
     """A branching of one AUV.
 
-    (covariance, AUV, pose, poses: 3 x K, STAGE) -> (criterion after each turn: K, covariance)
+    (covariance, AUV, pose, poses: 3 x K, STAGE)
+    -> (criterion after each turn: K, cost to go from there: K, covariance)
     """
     P, auv, stage = symbol("P", kind.half), symbol("auv", len(AUV)), symbol("stage", len(STAGE))
     pose, poses = symbol("pose", 3), symbol("poses", 3, kind.turns)
@@ -94,20 +98,22 @@ def of_one(kind: Kind) -> ca.Function:
     ranging = law(kind.form, numbers)
     at = len(AT_RANGES)
     before, there, motion, noise, own = ca.vertsplit(
-        auv, [0, at, 2 * at, 2 * at + 3, -2 + len(AUV), len(AUV)]
+        auv, [0, at, 2 * at, 2 * at + 3, AUV.index("doubt"), len(AUV)]
     )
     doubt = own[0] if kind.doubted else 0.0
     begun = _at_ranges(unpack(P, kind.states), pose, before, ranging, doubt, kind)
     predicted = predict(begun, motion, noise[: kind.states], duration)
     place = [0, 1, *range(DEPTH, kind.states)]
-    known = []
+    per_metre = auv[AUV.index("per_metre")]
+    known, to_go = [], []
     for k in range(kind.turns):
         after = _at_ranges(predicted[place, place], poses[:, k], there, ranging, doubt, kind)
         cost = _criterion(after, kind.criterion)
         if kind.linked:
             cost += _lost_throughput(poses[:, k], there, ranging, link)
         known.append(cost)
-    outputs = [ca.vertcat(*known), pack(predicted)]
+        to_go.append(per_metre * _distance(poses[:, k], there, ranging.form))
+    outputs = [ca.vertcat(*known), ca.vertcat(*to_go), pack(predicted)]
     return ca.Function("of_one", [P, auv, pose, poses, stage], outputs, {"cse": True})
 
 
@@ -122,10 +128,18 @@ def _at_ranges(P: SX, pose: SX, there: SX, ranging: Law, doubt: SX | float, kind
 def _lost_throughput(pose: SX, there: SX, ranging: Law, link: SX) -> SX:
     """What the share of throughput costs that is lost between a pose and an AUV."""
     weight, per_half_distance = ca.vertsplit(link)
-    r2 = ca.sumsqr(pose[:2] - there[:2])
-    if ranging.form.slant:
-        r2 += there[AT_RANGES.index("height")] ** 2
+    r2 = _squared_distance(pose, there, ranging.form)
     return weight * (1 - throughput(r2, per_half_distance, ranging.per_reach, edge=EDGE))
+
+
+def _squared_distance(pose: SX, there: SX, form: Form) -> SX:
+    """Of an AUV from a pose [m^2]: the slant one where ranges are slant."""
+    r2 = ca.sumsqr(pose[:2] - there[:2])
+    return r2 + there[AT_RANGES.index("height")] ** 2 if form.slant else r2
+
+
+def _distance(pose: SX, there: SX, form: Form) -> SX:
+    return ca.sqrt(_squared_distance(pose, there, form))
 
 
 @lru_cache(maxsize=16)

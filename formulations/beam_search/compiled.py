@@ -69,13 +69,14 @@ class Compiled(threading.local):
         branches = blocks * LANES * turns
         self._beam = _aligned(blocks, 3 + packed + 1, LANES)
         self._cost = np.empty(branches)
+        self._rank = np.empty(branches)
         self._kept = np.empty((stages, width), dtype=np.int64)
         self._other = [
             _aligned(blocks, 3 * turns + packed, LANES),
             np.empty(branches, dtype=np.int64),
             np.empty(branches, dtype=np.int64),
         ]
-        parts = [self._beam, self._cost, self._kept, *self._other]
+        parts = [self._beam, self._cost, self._rank, self._kept, *self._other]
         self._memory = (POINTER * len(parts))(*map(address, parts))
         self._start = np.empty(3)
         self._turns_taken = np.empty(stages, dtype=np.int64)
@@ -96,9 +97,9 @@ class Compiled(threading.local):
         return lanes.reshape(-1, 3)[: self._count]
 
     def branch(self, told: Float[np.ndarray, " n"]) -> Float[np.ndarray, " branches"]:
-        """Costs of all branches of a stage, of one sequence after the other."""
+        """What all branches of a stage are ranked by, of one sequence after the other."""
         self._library.branch(self._count, address(told), self._memory)
-        return self._cost[: self._count * self._turns]
+        return self._rank[: self._count * self._turns]
 
     def follow(self, keep: Int[np.ndarray, " some"]) -> None:
         """Make the beam of some branches."""

@@ -26,12 +26,12 @@ class Interpreted(threading.local):
         self._taken: list[tuple[np.ndarray, np.ndarray]] = []
 
     def branch(self, told: Float[np.ndarray, " n"]) -> Float[np.ndarray, " branches"]:
-        """Costs of all branches of a stage, of one sequence after the other."""
-        costs, self._poses, self._predicted = self._branching(
+        """What all branches of a stage are ranked by, of one sequence after the other."""
+        costs, ranks, self._poses, self._predicted = self._branching(
             self.pose, self._covariance, self._cost, told
         )
         self._costs = costs.ravel()
-        return self._costs
+        return ranks.ravel()
 
     def follow(self, keep: Int[np.ndarray, " some"]) -> None:
         """Make the beam of some branches."""

@@ -56,6 +56,7 @@ def search_manoeuvres(
     known: Float[np.ndarray, "S M 2 2"] | None = None,
     link: Link = FREE,
     doubts: Float[np.ndarray, " M"] | None = None,
+    per_metre: Float[np.ndarray, " M"] | float = 0.0,
 ) -> Solution:
     """Find the turns, one a stage, after which the AUVs' position covariances are smallest.
 
@@ -76,7 +77,7 @@ def search_manoeuvres(
         the AUVs and averaged over time.
     beam_width
         Sequences kept after each stage: those whose first turn breaks limits least, of these those
-        that break them least later, of these the cheapest.
+        that break them least later, of these the cheapest by what they cost and what is to come.
     violation
         How far [m] positions (..., T, 2) at times from now [s] are on the wrong side of a limit, at
         most 0 where they are right.
@@ -95,14 +96,19 @@ def search_manoeuvres(
         Standard deviations [m] of each coordinate by which AUVs may be elsewhere, besides what
         their covariances say: the second order of ranges counts them, so the vehicle keeps a
         distance. Default: 0.
+    per_metre
+        What each metre between the aid vehicle and an AUV will cost beyond the horizon, in the
+        criterion's unit per metre (`cost_per_metre`): added at each stage, for the distance there
+        alone, to what sequences are ranked by. Distances are slant where ranges are. Default: 0.
 
     Returns
     -------
     The best sequence of the last beam; of equals the one that comes first, turning left. ``x``:
     turn rates [rad/s]. ``poses``: at the beginning and the ends of the stages. ``objective``: the
-    criterion, and what lost throughput costs. Primal residual: how far it breaks a limit at the
-    points looked at [m]. The status is the first turn's, which is the one that is taken:
-    ``VIOLATED`` where each breaks a limit, and ``INVALID_INPUT`` where the criterion is no number.
+    criterion, and what lost throughput costs, without what is to come. Primal residual: how far it
+    breaks a limit at the points looked at [m]. The status is the first turn's, which is the one
+    that is taken: ``VIOLATED`` where each breaks a limit, and ``INVALID_INPUT`` where the criterion
+    is no number.
 
     Raises
     ------
@@ -126,7 +132,17 @@ def search_manoeuvres(
     )
     sequences = beam_of(kind, S, width)
     told = _told(
-        tracks, process_noise, weights, stages, turn_rates, speed, ranging, known, link, doubts
+        tracks,
+        process_noise,
+        weights,
+        stages,
+        turn_rates,
+        speed,
+        ranging,
+        known,
+        link,
+        doubts,
+        per_metre,
     )
     sequences.begin(pose, pack_array(covariance))
     first = worst = 0.0
@@ -210,6 +226,7 @@ def _told(
     known: Float[np.ndarray, "S M 2 2"] | None = None,
     link: Link = FREE,
     doubts: Float[np.ndarray, " M"] | float = 0.0,
+    per_metre: Float[np.ndarray, " M"] | float = 0.0,
 ) -> Float[np.ndarray, "S told"]:
     """What a branching is told at each stage; see `branching`."""
     S, M = tracks.heading.shape
@@ -229,7 +246,9 @@ def _told(
     auv[..., 2 * at : 2 * at + 3] = motions(tracks.heading, tracks.speed)
     auv[..., 2 * at + 3 : 2 * at + 3 + process_noise.shape[1]] = process_noise
     auv[..., AUV.index("doubt")] = doubts
-    auv[..., AUV.index("weight")] = weights / weights.sum()
+    weight = weights / weights.sum()
+    auv[..., AUV.index("weight")] = weight
+    auv[..., AUV.index("per_metre")] = weight * per_metre
     stage[:, 0] = stages.duration
     stage[:, 1] = stages.duration / stages.duration.sum()
     stage[:, 2 : 2 + len(LAW)] = ranging.numbers

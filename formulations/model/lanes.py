@@ -64,6 +64,17 @@ INLINE lanes lanes_fmax(lanes x, lanes y) {
   choice first = (choice)(x > y) | (choice)(y != y);
   return (lanes)((first & (choice)x) | (~first & (choice)y));
 }
+#ifdef __SSE2__
+#include <emmintrin.h>
+/* rounded correctly, as C's */
+INLINE lanes lanes_sqrt(lanes x) {
+  const __m128d low = _mm_sqrt_pd((__m128d){x[0], x[1]});
+  const __m128d high = _mm_sqrt_pd((__m128d){x[2], x[3]});
+  return (lanes){low[0], low[1], high[0], high[1]};
+}
+#else
+INLINE lanes lanes_sqrt(lanes x) { return (lanes){sqrt(x[0]), sqrt(x[1]), sqrt(x[2]), sqrt(x[3])}; }
+#endif
 INLINE double is_zero(double x) { return x == 0; }
 INLINE double is_less(double x, double y) { return x < y; }
 INLINE double is_at_most(double x, double y) { return x <= y; }
@@ -86,7 +97,7 @@ INLINE lanes lanes_pow(lanes x, lanes y) {
   return (lanes){pow(x[0], y[0]), pow(x[1], y[1]), pow(x[2], y[2]), pow(x[3], y[3])};
 }
 """
-OF_VECTORS = {"fmax", "is_zero", "is_less", "is_at_most", "where", "pow"}  # written above
+OF_VECTORS = {"fmax", "sqrt", "is_zero", "is_less", "is_at_most", "where", "pow"}  # written above
 
 
 def vectors() -> str:

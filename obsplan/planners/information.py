@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from jaxtyping import Float
 
-from formulations.beam_search import Link, search_manoeuvres, turn_candidates
+from formulations.beam_search import Link, cost_per_metre, search_manoeuvres, turn_candidates
 from formulations.model.covariance import DEPTH, Tracks
 from formulations.model.schedule import Stages
 from formulations.solution import Solution, Status
@@ -44,9 +44,13 @@ class InformationHorizon:
     What ranges to moored beacons and other aid vehicles are expected to tell is counted as well
     (`obsplan.planning.companion.told`).
 
+    Sequences are ranked at each level by the criterion so far and by what their distance from the
+    AUVs will cost beyond the horizon (`formulations.beam_search.to_go`), so that a vehicle that is
+    far away comes back.
+
     A turn that breaks a limit, or leaves no circle free to turn on, is discarded. If all do, the
     least violating is taken and the status says so. ``score`` is the mean of the criterion over
-    the horizon, [m^2] or [-].
+    the horizon, [m^2] or [-], without what comes later.
 
     With a ``communication_weight`` the share of throughput that is lost by distance, times that
     weight, is added to each AUV's criterion, and so to the score.
@@ -158,6 +162,11 @@ class InformationHorizon:
         if not np.isfinite(covariance).all():
             return None
         state, turn_rates = np.array([pose.x, pose.y, pose.heading]), self._candidates
+        doubts = np.minimum([auv.doubt for auv in auvs], greatest_doubt(self.situation))
+        horizon = float(stages.duration.sum())
+        to_come = cost_per_metre(
+            covariance, speed=cna.speed, horizon=horizon, criterion=self.criterion
+        )
         limits = LimitsAhead(self.situation, auvs, companions) if self.constraints else None
         return search_manoeuvres(
             state,
@@ -177,7 +186,8 @@ class InformationHorizon:
             first_violation=None
             if limits is None
             else limits.first_move(state, turn_rates, cna.speed),
-            doubts=np.minimum([auv.doubt for auv in auvs], greatest_doubt(self.situation)),
+            per_metre=to_come,
+            doubts=doubts,
             known=told(companions, auvs, time, stages, self.situation.current),
         )
 

@@ -1,0 +1,46 @@
+r"""What is still to come where a sequence of turns ends: the cost of being far from the AUVs.
+
+Within a horizon a vehicle that is far away gains little by coming nearer, for bearings turn only
+slowly: by a quarter in :math:`(\pi / 2) \, d / V` at a distance d and a speed V. Who looks no
+farther stays far away. Coming back takes d / V. Meanwhile the AUV's position is known worse than
+now, by a share β of its covariance P, and the criterion J is a mean over the horizon T. So
+
+.. math:: \frac{d / V}{T} \, β \left. \frac{\partial J(s P)}{\partial s} \right|_{s = 1}
+          = β \, \frac{d}{V T} \cdot
+          \begin{cases} \operatorname{tr} P & \text{trace} \\ n & \text{log det of } n \times n
+          \end{cases}
+
+is to come. β has no unit; its value is from experiments (docs/information.md).
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from ..model.covariance import DEPTH
+
+WORSE = (
+    0.1  # β: share of its covariance by which an AUV is known worse while the vehicle comes back
+)
+
+
+def cost_per_metre(
+    covariance: Float[np.ndarray, "M n n"], *, speed: float, horizon: float, criterion: str
+) -> Float[np.ndarray, " M"]:
+    """What each metre between the aid vehicle and an AUV costs, in the criterion's unit.
+
+    Parameters
+    ----------
+    covariance
+        Of each AUV's state now (`formulations.model.covariance`).
+    speed, horizon
+        Of the aid vehicle [m/s]; over which the criterion is averaged [s].
+    criterion
+        ``trace`` [m^2/m] or ``log-det`` [1/m] of the position covariance, the depth's with it where
+        it is a state.
+    """
+    position = [0, 1, *range(DEPTH, covariance.shape[-1])]
+    if criterion == "trace":
+        grows = covariance[:, position, position].sum(axis=-1)
+    else:
+        grows = np.full(len(covariance), float(len(position)))
+    return WORSE * grows / (speed * horizon)
