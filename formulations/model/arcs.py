@@ -120,7 +120,7 @@ def path_gradient(
     pose: Float[np.ndarray, "3"],
     turn_rates: Float[np.ndarray, " N"],
     speed: float,
-    duration: float,
+    duration: Float[np.ndarray, " N"] | float,
     by_position: Float[np.ndarray, "N 2"],
 ) -> Float[np.ndarray, " N"]:
     """Gradient by the turn rates of what has the gradient ``by_position``.
