@@ -2,9 +2,11 @@
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import islice
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Integer
@@ -15,6 +17,9 @@ from .limits import Limits
 from .path import Turns
 from .problem import Problem
 from .starts import perturbed, starts
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 PENALTIES = (1.0, 30.0, 1000.0)  # of the mean square violation, one after the other [-]
 FIRST = 30  # iterations of the descents from all starts
@@ -271,15 +276,16 @@ def descend(
     success, start = True, w
     try:
         for penalty in objective.penalties if penalties is None else penalties:
-            result = minimize(
-                scaled,
-                w,
-                args=(penalty,),
-                jac=True,
-                method="L-BFGS-B",
-                bounds=bounds,
-                options=options,
-            )
+            with one_thread():
+                result = minimize(
+                    scaled,
+                    w,
+                    args=(penalty,),
+                    jac=True,
+                    method="L-BFGS-B",
+                    bounds=bounds,
+                    options=options,
+                )
             found = np.asarray(result.x, dtype=float)
             if found.shape != w.shape or not np.isfinite(found).all():
                 return _failed(objective, start)
@@ -287,6 +293,23 @@ def descend(
     except Exception:  # whatever the minimiser stumbles over ends this descent alone
         return _failed(objective, start)
     return assess(objective, w, Status.OPTIMAL if success else Status.INACCURATE)
+
+
+def one_thread() -> AbstractContextManager[object]:
+    """Linear algebra by one thread meanwhile.
+
+    The minimiser's matrices are of a few tens of rows: threads that wait for each other over them
+    take more than all the rest.
+    """
+    return _linear_algebra().limit(limits=1, user_api="blas")
+
+
+@cache
+def _linear_algebra() -> "ThreadpoolController":
+    """The libraries of linear algebra that are loaded by the first descent."""
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
 
 
 def _resumed(objective: Objective, best: Candidate) -> Candidate:
