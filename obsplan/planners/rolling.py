@@ -37,9 +37,9 @@ class Rolling:
     So ranges that did not come, or told less than was expected, change the rest of the path, as do
     AUVs that are not where they filed to be. Where all goes as filed it is level with
     ``whole-mission`` (1.00 of its error in five scenarios of the suite, ten seeds each, and 0.77 to
-    0.93 of that of ``information``). Of two AUVs that strayed from their filed lines, in the end by 17 m
-    (one standard deviation), the error was 0.92 of that under ``whole-mission`` (p = 0.05), and
-    level with that under ``information``. What is counted, and how limits are kept, is the same. Of
+    0.93 of that of ``information``). Of two AUVs that strayed from their filed lines, in the end
+    by 17 m (one standard deviation), the error was 0.92 of that under ``whole-mission`` (p = 0.05),
+    and level with that under ``information``. What is counted, and how limits are kept, is the same. Of
     a doubted position, of several hypotheses, and of a depth that is estimated nothing is counted.
 
     A vehicle that is not where the plan has it has its plan made anew from where it is, from the
