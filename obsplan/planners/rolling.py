@@ -26,8 +26,8 @@ from obsplan.types import Belief, Decision, ObsplanError, Pose
 class Rolling:
     """Follow a plan of the whole mission, and improve the rest of it after each range.
 
-    The plan is made before the mission as `obsplan.planners.whole_mission.WholeMission` makes it,
-    from fewer starts. At the first decision after a range was due, and not more often than turns
+    The plan is made before the mission as `obsplan.planners.whole_mission.WholeMission` makes it.
+    At the first decision after a range was due, and not more often than turns
     change, a descent begins at the rest of the plan and ends after ``iterations`` at most: a number
     and no clock, so that results repeat. AUVs are expected to go on along their filed surveys, from
     where they are believed to be and known as well as they are now. A plan that is as good as it
@@ -39,8 +39,10 @@ class Rolling:
     ``whole-mission`` (1.00 of its error in five scenarios of the suite, ten seeds each, and 0.77 to
     0.93 of that of ``information``). Of two AUVs that strayed from their filed lines, in the end
     by 17 m (one standard deviation), the error was 0.92 of that under ``whole-mission`` (p = 0.05),
-    and level with that under ``information``. What is counted, and how limits are kept, is the same. Of
-    a doubted position, of several hypotheses, and of a depth that is estimated nothing is counted.
+    and level with that under ``information``.
+
+    What is counted, and how limits are kept, is the same. Of a doubted position, of several
+    hypotheses, and of a depth that is estimated nothing is counted.
 
     A vehicle that is not where the plan has it has its plan made anew from where it is, from the
     same turns. That happens after going straight on for a pose or a belief that was not finite.
@@ -61,9 +63,9 @@ class Rolling:
         "longer in long missions",
         INTERVAL,
     ] = None
-    starts: Annotated[int, "descents before the mission", STARTS] = 6
+    starts: Annotated[int, "descents before the mission", STARTS] = 24
     search_seed: Annotated[int, "of these descents' random turns", SEED] = 1
-    iterations: Annotated[int, "of the descent after a range, at most", ITERATIONS] = 10
+    iterations: Annotated[int, "of the descent after a range, at most", ITERATIONS] = 40
 
     def __post_init__(self) -> None:
         check_situation(self)
