@@ -52,8 +52,8 @@ class WholeMission:
 
     All is planned at the first decision, or when the mission is prepared (`prepare`). Measured, one
     processor takes 1.5 s per thousand time steps of the mission for one or two AUVs, 3 to 4.5 s
-    for four, and ten times that under limits, which are looked at at every step. A gradient takes time in
-    proportion to ranges and AUVs, and the number of gradients is bounded.
+    for four, and ten times that under limits, which are looked at at every step. A gradient takes
+    time in proportion to ranges and AUVs, and the number of gradients is bounded.
     """
 
     condition_label = ""
