@@ -37,6 +37,7 @@ _TYPES = {
     "Range": "sensors",
     "Reference": "surveys",
     "Run": "run",
+    "Rolling": "planners.rolling",
     "STATES": "vehicles",
     "Scenario": "scenario",
     "SecondOrderEkf": "estimators",
@@ -88,6 +89,7 @@ if TYPE_CHECKING:
     from obsplan.planners.information import InformationHorizon as InformationHorizon
     from obsplan.planners.path_inertia import PathInertia as PathInertia
     from obsplan.planners.random_turns import RandomTurns as RandomTurns
+    from obsplan.planners.rolling import Rolling as Rolling
     from obsplan.planners.stationary import Stationary as Stationary
     from obsplan.planners.trail import Trail as Trail
     from obsplan.planners.trajectory import Trajectory as Trajectory

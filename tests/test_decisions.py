@@ -6,8 +6,8 @@ reads the difference before it is committed:
     python tests/test_decisions.py --record
 
 Flights are short: 16 decisions are recorded, spread over at least 16 decisions and two and a half times the time between ranges.
-`trajectory` and `whole-mission` are costly: they decide 4 and 20 times, `whole-mission` from 3 starts;
-it does not fly ``FLAT``. ``HELD_OUT`` are flown under the default planner alone.
+`trajectory`, `whole-mission` and `rolling` are costly: they decide 4, 20 and 20 times, the last two from
+3 starts; they do not fly ``FLAT``. ``HELD_OUT`` are flown under the default planner alone.
 """
 
 import json
@@ -28,13 +28,15 @@ CLOSE_SCORE = 1e-7  # of a score: condition numbers keep half of their digits
 EPS = 2.0**-52
 FOUND = 1e-6  # of the same, where a solver ends at optimality conditions of 1e-8
 DESCENDED = 1e-3  # of the same, where a descent ends as soon as its objective falls by less than 1e-8 a step
-SEARCHED = {"trajectory": (), "whole-mission": ("planner.starts=3",)}  # settings of costly planners
+FEW = ("planner.starts=3",)
+SEARCHED = {"trajectory": (), "whole-mission": FEW, "rolling": FEW}  # settings of costly planners
 UNTIED = {  # a search finds mirror images equally good
     "fixed-formation": ("cna.start.heading_deg=80.0",),
     "mobile-formation": ("cna.start.heading_deg=80.0",),
 }
 FLAT = [  # several optima nearly as good, or one that is flat: which one is found hangs on the last digits
     ("suite/narrow-geofence", "whole-mission"),
+    ("suite/narrow-geofence", "rolling"),
     ("mobile-formation", "trajectory"),
 ]
 HELD_OUT = {  # tuned on by nobody: the default planner alone flies them
@@ -46,7 +48,7 @@ HELD_OUT = {  # tuned on by nobody: the default planner alone flies them
     "suite/standoff-weights",
     "suite/wide-prior",
 }
-LASTS = {"trajectory": 4, "whole-mission": 20}  # decisions that costly flights last
+LASTS = {"trajectory": 4, "whole-mission": 20, "rolling": 20}  # decisions that costly flights last
 
 
 def flights():
@@ -88,7 +90,9 @@ def flown(scenario, planner, settings):
 
 def tolerances(planner, cna):
     """By how much each value may differ, absolutely and relatively."""
-    close = {"trajectory": FOUND, "whole-mission": DESCENDED}.get(planner, CLOSE)
+    close = {"trajectory": FOUND, "whole-mission": DESCENDED, "rolling": DESCENDED}.get(
+        planner, CLOSE
+    )
     return {
         "turn_rate": {"atol": close * cna.max_turn_rate, "rtol": 0.0},
         "speed": {"atol": close * cna.speed, "rtol": 0.0},

@@ -21,7 +21,7 @@ HERE = op.Pose(0.0, 0.0, 0.0)
 IGNORANT = [
     name
     for name in PLANNERS
-    if name not in ("information", "gramian", "trajectory", "whole-mission")
+    if name not in ("information", "gramian", "trajectory", "whole-mission", "rolling")
 ]
 
 

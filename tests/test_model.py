@@ -10,7 +10,7 @@ import pytest
 from oracles import arc as complex_arc
 
 from formulations.model import arcs as exact
-from formulations.model.arcs import arcs, compose, one_arc, path, path_gradient, sinc
+from formulations.model.arcs import arcs, compose, one_arc, path, sinc
 from formulations.model.casadi import symbol
 from formulations.model.covariance import (
     NEAREST,
@@ -67,20 +67,6 @@ def test_path_is_one_arc_after_the_other():
             np.testing.assert_allclose(found[k, j], now, atol=1e-12)
             now = complex_arc(now, rates[k, j], speeds[k, j], durations[j])
         np.testing.assert_allclose(found[k, 6], now, atol=1e-12)
-
-
-def test_gradient_of_a_path_is_that_of_differences():
-    rng = np.random.default_rng(2)
-    pose, rates, weights = rng.normal(size=3), rng.normal(size=7), rng.normal(size=(7, 2))
-    rates[3] = 0.0
-
-    def value(rates):
-        return np.sum(weights * path(pose, rates, 1.3, 0.4)[1:, :2])
-
-    step = 1e-5
-    differences = [(value(rates + e) - value(rates - e)) / (2 * step) for e in step * np.eye(7)]
-    found = path_gradient(pose, rates, 1.3, 0.4, weights)
-    np.testing.assert_allclose(found, differences, atol=1e-8)  # step^2 and rounding / step
 
 
 def test_arc_from_a_pose_is_the_pose_and_then_the_arc_from_the_origin():

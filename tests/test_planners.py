@@ -25,11 +25,12 @@ ONE_SIDED = {
 COSTLY = {
     "trajectory",
     "whole-mission",
+    "rolling",
     "empirical",
 }  # planners and choices that take a second or so to build or to decide
-FEW = {"whole-mission": {"starts": 2}}  # options that make searches short
+FEW = {"whole-mission": {"starts": 2}, "rolling": {"starts": 2}}  # options that make searches short
 WORLDS = 3  # that a costly one is asked of
-LASTS = {"trajectory": 6.0, "whole-mission": 6.0}  # flights of a search [s]
+LASTS = {"trajectory": 6.0, "whole-mission": 6.0, "rolling": 6.0}  # flights of a search [s]
 BESIDES = [
     ("path-inertia", {"gamma": 0.0}),
     ("path-inertia", {"change_weight": 0.5}),
@@ -93,7 +94,7 @@ def built(name, options, legs):
         auv__1__survey={"kind": "waypoints", "points": legs[1].tolist()},
     )
     planner = mission.planner()
-    if name in ("whole-mission", "trajectory", "stationary", "circle"):
+    if name in ("whole-mission", "rolling", "trajectory", "stationary", "circle"):
         return planner
     # the others look at no surveys: without these, planners of other worlds are equal, and their
     # expressions are built once

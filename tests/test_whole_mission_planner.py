@@ -10,8 +10,8 @@ from oracles import Silent, arc, recording, scenario
 import obsplan as op
 from formulations.model.ranging import Ranging
 from obsplan.constraints import Constraints, Disc
-from obsplan.planners.whole_mission import Limits, frame_at
 from obsplan.planning.limits import SURE
+from obsplan.planning.rest import Known, Limits, frame_at
 from obsplan.simulation.inputs import Streams
 
 RNG = np.random.default_rng
@@ -171,7 +171,8 @@ def limits_of(constraints, **filed):
     planner = small().planner()
     known = replace(planner.filed, process_noise=np.zeros((2, 4)), **filed)
     frame = frame_at(op.Pose(0.0, 0.0, 0.0), known)
-    return frame, Limits(told_otherwise(planner, filed=known, constraints=constraints), frame, 0)
+    situation = replace(planner.situation, filed=known, constraints=constraints)
+    return frame, Limits(situation, Known.as_filed(known, 0), frame)
 
 
 def told_otherwise(planner, **known):

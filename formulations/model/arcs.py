@@ -62,14 +62,6 @@ def _moves(heading, turn_rate, speed, duration):
     return moved[0, :], moved[1, :]
 
 
-@Elementwise
-def _slopes(heading, turn_rate, speed, duration):
-    """Their derivatives by the turn rate."""
-    moved = _from(heading, turn_rate, speed, duration)
-    slope = ca.jtimes(moved, turn_rate, ca.DM.ones(turn_rate.shape))
-    return slope[0, :], slope[1, :]
-
-
 def arcs(
     pose: Float[np.ndarray, "*#batch 3"],
     turn_rates: Float[np.ndarray, "*#batch"],
@@ -114,27 +106,6 @@ def path(
     moves = _moves(heading[..., :-1], turn_rates, speeds, durations)
     east, north = (_summed(pose[..., [i]], move) for i, move in enumerate(moves))
     return np.stack([east, north, heading], axis=-1)
-
-
-def path_gradient(
-    pose: Float[np.ndarray, "3"],
-    turn_rates: Float[np.ndarray, " N"],
-    speed: float,
-    duration: float,
-    by_position: Float[np.ndarray, "N 2"],
-) -> Float[np.ndarray, " N"]:
-    """Gradient by the turn rates of what has the gradient ``by_position``.
-
-    That is by the positions at the ends of the arcs of `path`.
-    """
-    heading = _headings(pose, turn_rates, duration)[:-1]
-    east, north = _moves(heading, turn_rates, speed, duration)
-    east_slope, north_slope = _slopes(heading, turn_rates, speed, duration)
-    by_east, by_north = np.cumsum(by_position[::-1], axis=0)[::-1].T  # a move shifts all later ones
-    own = by_east * east_slope + by_north * north_slope
-    by_heading = by_north * east - by_east * north
-    later = np.append(np.cumsum(by_heading[:0:-1])[::-1], 0.0)  # a turn turns all later ones
-    return own + duration * later
 
 
 def _headings(pose: np.ndarray, turn_rates: np.ndarray, durations: np.ndarray | float):

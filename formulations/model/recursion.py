@@ -22,6 +22,7 @@ class Recursion:
     def __init__(self, function: ca.Function) -> None:
         self.function = function
         self._run = cases_driver(function, build=False)
+        self._sizes = [function.nnz_in(i) for i in range(function.n_in())]
         self._left = BREAK_EVEN  # steps without machine code
         self._strides = ctypes.c_longlong * (function.n_in() + 1)
         self._given = ctypes.c_void_p * function.n_in()
@@ -61,17 +62,18 @@ class Recursion:
 
     def _check(self, x: np.ndarray, inputs: tuple[np.ndarray, ...]) -> None:
         """Refuse what would be read or written beyond its end, or in another order."""
-        function, steps = self.function, len(x) - 1
-        fits = x.size == (steps + 1) * function.nnz_in(0)
+        steps = len(x) - 1
+        state, *sizes = self._sizes
+        fits = x.size == (steps + 1) * state
         if not (fits and x.flags.c_contiguous and x.flags.writeable and x.dtype == float):
             raise ValueError(
-                f"x must be {function.nnz_in(0)} floats for each of {steps + 1} samples, side by "
+                f"x must be {state} floats for each of {steps + 1} samples, side by "
                 f"side, got {x.dtype} of {x.shape}"
             )
-        for i, a in enumerate(inputs, start=1):
-            if len(a) != steps or a.size != steps * function.nnz_in(i):
+        for i, (a, size) in enumerate(zip(inputs, sizes, strict=True), start=1):
+            if len(a) != steps or a.size != steps * size:
                 raise ValueError(
-                    f"input {i} must be {function.nnz_in(i)} numbers for each of {steps} steps, "
+                    f"input {i} must be {size} numbers for each of {steps} steps, "
                     f"got an array of {a.shape}"
                 )
 

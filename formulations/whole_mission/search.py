@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import islice
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Integer
 
 from ..solution import Solution, Status
 from .covariance import PredictedVariance
@@ -15,6 +17,9 @@ from .limits import Limits
 from .path import Turns
 from .problem import Problem
 from .starts import perturbed, starts
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 PENALTIES = (1.0, 30.0, 1000.0)  # of the mean square violation, one after the other [-]
 FIRST = 30  # iterations of the descents from all starts
@@ -29,6 +34,7 @@ GRADIENT = 1e-7  # largest entry of the projected gradient, likewise relative, t
 # finds from an optimum. It found 2e-7 at most where descents ended, 4e-6 at least where they began.
 CERTIFIED = 1e-6
 STEPS = 0.25 ** np.arange(10)  # along it, of the largest turn
+SETTLED = 1e-4  # of the objective's unit; a plan that is better by less is no better
 ALIKE = 1e-3  # [m]; violations that differ by less are ranked by their objectives
 
 REMEDIES = {
@@ -73,10 +79,19 @@ class Objective:
         """Penalties of the descents one after the other; none without limits."""
         return PENALTIES if self.limits else (0.0,)
 
+    @cached_property
+    def samples(self) -> Integer[np.ndarray, " some"]:
+        """Samples at which poses are needed: limits hold at all of them."""
+        return self.turns.samples if self.limits else self.turns.nodes
+
+    @cached_property
+    def _ends(self) -> Integer[np.ndarray, " S"]:
+        """Which of them end stages."""
+        return np.searchsorted(self.samples, self.turns.problem.stages.end)
+
     def value(self, w: Float[np.ndarray, " n"]) -> float:
         """Mean variance [m^2]."""
-        ends = self.turns.problem.stages.end
-        at_ranges = self.turns.poses(w)[:, ends, :2]
+        at_ranges = self.turns.poses(w, self.samples)[:, self._ends, :2]
         return self.variance.value(at_ranges.swapaxes(0, 1))
 
     def primal_residual(self, w: Float[np.ndarray, " n"]) -> float:
@@ -111,16 +126,15 @@ class Objective:
         self, w: Float[np.ndarray, " n"], penalty: float
     ) -> tuple[float, Float[np.ndarray, " n"]]:
         """Mean variance and penalty [m^2], and the gradient."""
-        x = self.turns.poses(w)[..., :2]
-        ends = self.turns.problem.stages.end
+        x = self.turns.poses(w, self.samples)[..., :2]
         by_position = np.zeros_like(x)
-        value, slope = self.variance(x[:, ends].swapaxes(0, 1))
-        by_position[:, ends] = slope.swapaxes(0, 1)
+        value, slope = self.variance(x[:, self._ends].swapaxes(0, 1))
+        by_position[:, self._ends] = slope.swapaxes(0, 1)
         if self.limits:
             broken, slope = self.limits.penalty(x, penalty)
             value += broken
             by_position += slope
-        return value, self.turns.gradient(w, by_position)
+        return value, self.turns.gradient(w, by_position, self.samples)
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,8 +220,15 @@ def multi_start(
         best = min(best, descended(perturbed(best.w, random)), key=rank)
     best = min(descended(best.w, POLISH), best, key=rank)
     best = _resumed(objective, best)
+    return solution_of(objective, best)
+
+
+def solution_of(objective: Objective, best: Candidate) -> Solution:
+    """The best as `multi_start` returns it."""
+    turns = objective.turns
+    limits = np.array([[vehicle.max_turn_rate] for vehicle in turns.problem.vehicles])
     return Solution(
-        x=turns.of_each(best.w) * np.array([[v.max_turn_rate] for v in problem.vehicles]),
+        x=turns.of_each(best.w) * limits,
         objective=best.value,
         status=_status(objective, best),
         primal_residual=best.violation,
@@ -216,15 +237,28 @@ def multi_start(
     )
 
 
+def better(objective: Objective, one: Candidate, other: Candidate) -> bool:
+    """Whether it breaks limits less, or its mean variance is less by `SETTLED`."""
+    (one_broken, one_value), (broken, value) = rank(one), rank(other)
+    least = SETTLED * objective.unit
+    return one_broken < broken or (one_broken == broken and one_value < value - least)
+
+
 def assess(objective: Objective, w: Float[np.ndarray, " n"], status: Status) -> Candidate:
     """What turns are worth."""
     return Candidate(w, status, objective.primal_residual(w), objective.value(w))
 
 
 def descend(
-    objective: Objective, w: Float[np.ndarray, " n"], iterations: int = ITERATIONS
+    objective: Objective,
+    w: Float[np.ndarray, " n"],
+    iterations: int = ITERATIONS,
+    penalties: tuple[float, ...] | None = None,
 ) -> Candidate:
-    """A local minimiser, or where the iterations ended."""
+    """A local minimiser, or where the iterations ended.
+
+    It is one under penalties one after the other; default: the objective's.
+    """
     from scipy.optimize import minimize
 
     def scaled(w: np.ndarray, penalty: float) -> tuple[float, np.ndarray]:
@@ -241,16 +275,17 @@ def descend(
     bounds = [(-1.0, 1.0)] * w.size
     success, start = True, w
     try:
-        for penalty in objective.penalties:
-            result = minimize(
-                scaled,
-                w,
-                args=(penalty,),
-                jac=True,
-                method="L-BFGS-B",
-                bounds=bounds,
-                options=options,
-            )
+        for penalty in objective.penalties if penalties is None else penalties:
+            with one_thread():
+                result = minimize(
+                    scaled,
+                    w,
+                    args=(penalty,),
+                    jac=True,
+                    method="L-BFGS-B",
+                    bounds=bounds,
+                    options=options,
+                )
             found = np.asarray(result.x, dtype=float)
             if found.shape != w.shape or not np.isfinite(found).all():
                 return _failed(objective, start)
@@ -258,6 +293,23 @@ def descend(
     except Exception:  # whatever the minimiser stumbles over ends this descent alone
         return _failed(objective, start)
     return assess(objective, w, Status.OPTIMAL if success else Status.INACCURATE)
+
+
+def one_thread() -> AbstractContextManager[object]:
+    """Linear algebra by one thread meanwhile.
+
+    The minimiser's matrices are of a few tens of rows: threads that wait for each other over them
+    take more than all the rest.
+    """
+    return _linear_algebra().limit(limits=1, user_api="blas")
+
+
+@cache
+def _linear_algebra() -> "ThreadpoolController":
+    """The libraries of linear algebra that are loaded by the first descent."""
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
 
 
 def _resumed(objective: Objective, best: Candidate) -> Candidate:

@@ -13,6 +13,7 @@ from .search import (
     Objective,
     Progress,
     assess,
+    better,
     descend,
     multi_start,
     rank,
@@ -20,7 +21,6 @@ from .search import (
 )
 
 ROUNDS = 20  # at most, in which each vehicle is planned again given the others
-SETTLED = 1e-4  # of the objective's unit; rounds that improve by less are the last
 
 
 def optimise(
@@ -59,7 +59,7 @@ def in_turn(
     """Turns of several vehicles, each planned given the others' until none changes.
 
     Each is first planned by a multi-start, given where those before it go; then it descends from
-    its turns, given all others', until a round improves the mean variance by less than `SETTLED`.
+    its turns, given all others', until a round is no `better`.
     """
     objective = Objective(Turns(problem, hold))
     turns, before = [], []
@@ -73,7 +73,7 @@ def in_turn(
     best = assess(objective, np.concatenate(turns), Status.BEST_MANOEUVRE)
     for _ in range(ROUNDS):
         improved = once_around(objective, best)
-        if not _better(objective, improved, best):
+        if not better(objective, improved, best):
             break
         best = improved
     return best
@@ -96,13 +96,6 @@ def others(turns: Turns, w: Float[np.ndarray, " n"], k: int) -> list[Beacon]:
     paths = turns.poses(w)[..., :2]
     vehicles = turns.problem.vehicles
     return [beacon_of(vehicles[i], paths[i]) for i in range(len(vehicles)) if i != k]
-
-
-def _better(objective: Objective, one: Candidate, other: Candidate) -> bool:
-    """Whether it breaks limits less, or its mean variance is less by `SETTLED`."""
-    (one_broken, one_value), (broken, value) = rank(one), rank(other)
-    least = SETTLED * objective.unit
-    return one_broken < broken or (one_broken == broken and one_value < value - least)
 
 
 def _part(progress: Progress, done: int, parts: int) -> Progress:

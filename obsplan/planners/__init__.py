@@ -18,12 +18,14 @@ PLANNERS = {
     "random": "obsplan.planners.random_turns:RandomTurns",
     "circle": "obsplan.planners.circle:Circle",
     "whole-mission": "obsplan.planners.whole_mission:WholeMission",
+    "rolling": "obsplan.planners.rolling:Rolling",
     "stationary": "obsplan.planners.stationary:Stationary",
 }
 # tens of seconds a mission: compared only where they are named
 SLOW = (
     "trajectory",
     "whole-mission",
+    "rolling",
 )
 DEFAULT_PLANNER = "information"  # what the name "default" stands for
 

@@ -1,35 +1,28 @@
 """Whole mission: plan all turns before it begins, by a multi-start, and follow them."""
 
-import math
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import KW_ONLY, dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import KW_ONLY, dataclass
+from functools import lru_cache
 from typing import Annotated
 
 import numpy as np
-from jaxtyping import Float
 
-from formulations.model.frames import Frame
-from formulations.model.schedule import ROUNDING, Schedule, intervals, is_multiple
-from formulations.whole_mission import AidVehicle, Beacon, Problem, optimise
+from formulations.model.schedule import ROUNDING, intervals, is_multiple
+from formulations.whole_mission import optimise
 from obsplan.constraints import Constraints
 from obsplan.planning.checks import check_situation
 from obsplan.planning.fallback import unusable
 from obsplan.planning.filed import Filed
-from obsplan.planning.limits import SURE
 from obsplan.planning.open_loop import OpenLoopPlan
+from obsplan.planning.rest import Known, frame_at, problem_of, sample_at, vehicle_of
 from obsplan.planning.situation import Situation
 from obsplan.quantities import INTERVAL, SEED, STARTS
 from obsplan.types import Belief, Decision, ObsplanError, Pose
 
 MOST_TURNS = 400  # of a mission
 KEPT = 64  # plans of one planner
-# Decimals [m], [m/s]: the same world seen from other axes is the same problem to the last bit.
-PLACES = 9
 Progress = Callable[[int, int], None]
-# Kept from limits, in smallest turning radii: what a penalty leaves of a violation is less.
-MARGIN = 0.05
 
 
 def untold(_done: int, _all: int) -> None:
@@ -57,9 +50,10 @@ class WholeMission:
     mission, as if it began there. That happens after going straight on for a pose or a belief
     that was not finite. ``score`` is the mean weighted position variance [m^2].
 
-    All is planned at the first decision, or when the mission is prepared (`prepare`). Measured
-    for two AUVs, one processor takes 4 to 7 s per thousand time steps of the mission, 12 s under
-    limits.
+    All is planned at the first decision, or when the mission is prepared (`prepare`). Measured, one
+    processor takes 1.5 s per thousand time steps of the mission for one or two AUVs, 3 to 4.5 s
+    for four, and ten times that under limits, which are looked at at every step. A gradient takes
+    time in proportion to ranges and AUVs, and the number of gradients is bounded.
     """
 
     condition_label = ""
@@ -186,13 +180,14 @@ class WholeMission:
         """Plans of vehicles that are at poses at a time, the first one's options being taken."""
         leader = members[0]
         filed, frame = leader.filed, frame_at(poses[0], leader.filed)
-        first = min(round(time / filed.time_step), filed.time.size - 2)
+        known = Known.as_filed(filed, sample_at(filed, time))
         hold = round(leader.turn_duration / filed.time_step)
         vehicles = [
-            member._vehicle(frame, first, pose) for member, pose in zip(members, poses, strict=True)
+            vehicle_of(member.situation, known, frame, pose)
+            for member, pose in zip(members, poses, strict=True)
         ]
         plan = optimise(
-            leader._mission(frame, first, tuple(vehicles)),
+            problem_of(leader.situation, known, frame, tuple(vehicles)),
             hold=hold,
             count=leader.starts,
             random=np.random.default_rng(leader.search_seed),
@@ -204,67 +199,6 @@ class WholeMission:
             duration = hold * filed.time_step
             found.append(OpenLoopPlan(cna, pose, time, rates, duration, plan, stream))
         return found
-
-    def _mission(self, frame: Frame, first: int, vehicles: tuple[AidVehicle, ...]) -> Problem:
-        """What is known from a sample on, as seen by the vehicle there, in the water about it."""
-        filed = self.filed
-        after = slice(first, None)
-        since = filed.time[after] - filed.time[first]
-        drift = self.situation.stream.drift(since)
-        beacons = [
-            Beacon(
-                position=frame.positions(one.route(since) - drift),
-                ranging=one.ranging,
-                schedule=self._sampled(one.schedule),
-                depth=one.depth,
-            )
-            for one in self.situation.companions
-            if one.ranging is not None
-        ]
-        courses = np.stack([np.cos(filed.heading[after]), np.sin(filed.heading[after])], axis=-1)
-        total = filed.weights.sum()
-        alike = np.full(filed.weights.size, 1 / filed.weights.size)
-        weights = filed.weights / total if total > 0 else alike
-        position = frame.positions(filed.position[after] - drift[:, None])
-        heading = frame.directions(courses)
-        return Problem(
-            time_step=filed.time_step,
-            begin=first * filed.time_step,
-            position=np.round(position, PLACES),
-            heading=np.round(heading, PLACES),
-            speed=np.round(filed.speed[after], PLACES),
-            depth=filed.depth[after],
-            covariance=seen_covariances(frame, filed.covariance),
-            process_noise=filed.process_noise,
-            weights=weights,
-            compass=self.situation.heading_sigma,
-            vehicles=vehicles,
-            beacons=tuple(beacons),
-            separation=(self.constraints.min_separation_cna, np.inf),
-        )
-
-    def _sampled(self, schedule: Schedule) -> Schedule:
-        """A schedule whose interval is a whole number of samples."""
-        filed = self.filed
-        steps = schedule.interval / filed.time_step
-        every = round(min(steps, filed.time.size))  # at most: none in the mission
-        return replace(schedule, interval=every * filed.time_step)
-
-    def _vehicle(self, frame: Frame, first: int, pose: Pose) -> AidVehicle:
-        """The vehicle and its ranges, as seen in a frame at a sample."""
-        situation = self.situation
-        place = frame.positions(np.array([pose.x, pose.y]))
-        turned = frame.mirror * (pose.heading - frame.heading)
-        return AidVehicle(
-            start=np.round([*place, turned], PLACES) + 0.0,  # no -0.0
-            speed=situation.cna.speed,
-            max_turn_rate=situation.cna.max_turn_rate,
-            ranging=situation.ranging,
-            schedule=self._sampled(situation.schedule),
-            depth=situation.transducer_depth,
-            violation=Limits(self, frame, first) if self.constraints else None,
-            margin=MARGIN * situation.cna.min_turn_radius,
-        )
 
 
 @dataclass(frozen=True)
@@ -315,61 +249,3 @@ def plans_of(planner: WholeMission) -> Plans:  # noqa: ARG001 - the key
     Missions that differ in noise fly the same plan.
     """
     return Plans()
-
-
-def frame_at(pose: Pose, filed: Filed) -> Frame:
-    """The vehicle's frame, abeam counted to the side where the AUVs are.
-
-    Worlds that are each other's mirror images look the same in it.
-    """
-    frame = Frame(np.array([pose.x, pose.y]), pose.heading)
-    to_the_left = frame.positions(filed.position.mean(axis=0))[:, 1] @ filed.weights
-    return frame._replace(mirror=-1.0 if to_the_left < -(10.0**-PLACES) else 1.0)
-
-
-def seen_covariances(frame: Frame, P: Float[np.ndarray, "M 4 4"]) -> Float[np.ndarray, "M 4 4"]:
-    """Covariances in a frame, of which `PLACES` are kept of what is in [m]."""
-    exact = frame.covariances(P)
-    turned = np.round(exact, PLACES)
-    turned[:, 2:, 2:] = exact[:, 2:, 2:]  # at most their signs have changed
-    return turned
-
-
-@dataclass(frozen=True, eq=False)
-class Limits:
-    """How far positions in the vehicle's frame break the limits at times since a sample.
-
-    The AUVs are near where they filed to be. Separations have a margin of three standard
-    deviations (`SURE`) of how far an AUV has strayed by then (`Filed.straying`).
-    """
-
-    planner: WholeMission
-    frame: Frame
-    first: int
-
-    def __call__(
-        self, positions: Float[np.ndarray, "*batch 2"], time: Float[np.ndarray, " *samples"]
-    ) -> Float[np.ndarray, "*batch"]:
-        """Violation [m]; half of each vehicle's way between two samples is added.
-
-        So nothing between the samples is missed.
-        """
-        limits = self.planner.constraints
-        filed, stream = self.planner.filed, self.planner.situation.stream
-        world = np.ascontiguousarray(self.frame.world(positions)) + stream.drift(time)
-        speed = self.planner.situation.cna.speed + math.hypot(*stream.current)
-        at = (time / filed.time_step + self.first).round().astype(int).clip(max=filed.time.size - 1)
-        # one after the other: each needs a margin of its own at each time
-        auvs = np.moveaxis(filed.position, 1, 0)[:, at, None]
-        apart = [
-            limits.separation_violation(world, auv) + margin
-            for auv, margin in zip(auvs, self._margin[:, at], strict=True)
-        ]
-        return (
-            np.max([limits.fixed_violation(world), *apart], axis=0) + 0.5 * speed * filed.time_step
-        )
-
-    @cached_property
-    def _margin(self) -> Float[np.ndarray, "auvs samples"]:
-        filed = self.planner.filed
-        return (SURE * filed.straying + 0.5 * filed.strides).T

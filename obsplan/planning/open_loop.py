@@ -28,6 +28,7 @@ class OpenLoopPlan:
     duration: float  # of each turn [s]
     plan: Solution
     stream: Stream = STILL
+    elapsed: float = 0.0  # of the first turn, before the plan begins [s]
 
     def passes(self, pose: Pose, time: float) -> bool:
         """Whether the plan has the vehicle at a pose at a time.
@@ -44,7 +45,8 @@ class OpenLoopPlan:
 
     def poses(self, pose: Pose, begin: float, end: float) -> Float[np.ndarray, "some 3"]:
         """Poses (east, north, heading) at the ends of the turns between two times, from a pose."""
-        edges = self.begin + np.arange(1, self.turn_rates.size) * self.duration
+        ends = np.arange(1, self.turn_rates.size) * self.duration
+        edges = self.begin - self.elapsed + ends
         times = np.concatenate(
             [
                 [begin],
@@ -58,12 +60,13 @@ class OpenLoopPlan:
 
     def turn_rate(self, time: float) -> float:
         """Turn rate [rad/s] from a time on; after the mission the last one."""
-        turn = int(intervals(time - self.begin, self.duration))
+        turn = int(intervals(time - self.begin + self.elapsed, self.duration))
         return float(self.turn_rates[min(max(turn, 0), self.turn_rates.size - 1)])
 
     def decision(self, pose: Pose, time: float, n_auvs: int) -> Decision:
         """The turn of this time, and the path from here to the mission's end."""
-        end = max(self.begin + self.turn_rates.size * self.duration, time + self.duration)
+        last = self.begin - self.elapsed + self.turn_rates.size * self.duration
+        end = max(last, time + self.duration)
         return Decision(
             turn_rate=self.turn_rate(time),
             speed=self.cna.speed,

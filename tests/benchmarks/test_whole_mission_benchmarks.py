@@ -5,6 +5,7 @@ the results are the same to the last bit. Compare within one run only:
 ``pytest tests/benchmarks/test_whole_mission_benchmarks.py -n 0 --benchmark-group-by=group --benchmark-columns=min,median``.
 """
 
+import os
 import time
 
 import casadi as ca
@@ -13,13 +14,15 @@ import pytest
 from test_whole_mission import mission
 
 from formulations.model import compiler, recursion
-from formulations.whole_mission import covariance
+from formulations.whole_mission import covariance, search
 from formulations.whole_mission.covariance import (
     PACKED,
     PredictedVariance,
     rows_of,
     stage_function,
 )
+from formulations.whole_mission.path import Turns
+from formulations.whole_mission.search import Objective, descend
 
 
 def by_casadi(problem):
@@ -75,3 +78,32 @@ def test_gradient(benchmark, road, auvs):
     expected_value, expected = rival(x)
     assert value == expected_value
     np.testing.assert_array_equal(gradient, expected)
+
+
+@pytest.mark.benchmark(timer=time.process_time)
+@pytest.mark.parametrize("at", ["turns and ranges", "every sample"])
+def test_objective(benchmark, at, monkeypatch):
+    benchmark.group = "objective and gradient of a mission of 2400 steps, 4 AUVs"
+    objective = Objective(Turns(mission(steps=2400, auvs=4, every=10), 8))
+    w = np.random.default_rng(1).uniform(-0.3, 0.3, objective.turns.size)
+    expected, _ = objective.penalised(w, 0.0)
+    if at == "every sample":  # as limits need it
+        monkeypatch.setitem(objective.__dict__, "samples", objective.turns.samples)
+        objective.__dict__.pop("_ends")
+    value, _ = benchmark(objective.penalised, w, 0.0)
+    assert value == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.benchmark(timer=time.process_time)
+@pytest.mark.parametrize("threads", ["one", "one for each processor"])
+def test_descent(benchmark, threads, monkeypatch):
+    benchmark.group = "descent of 30 iterations over 300 turns, threads of linear algebra"
+    problem = mission(steps=1200, auvs=1, every=10)
+    w = np.random.default_rng(1).uniform(-0.3, 0.3, 300)
+    if threads != "one":
+        many = search._linear_algebra()
+        monkeypatch.setattr(
+            search, "one_thread", lambda: many.limit(limits=os.cpu_count(), user_api="blas")
+        )
+    found = benchmark(descend, Objective(Turns(problem, 4)), w, 30)
+    assert found.value > 0

@@ -25,7 +25,7 @@ from obsplan.simulation import ClosedLoop
 
 MOST_STEPS = 2000  # times AUVs, of a mission that is flown
 MOST_MISSIONS = 12  # of a command
-SLOW = ("trajectory", "whole-mission")  # planners that take seconds
+SLOW = ("trajectory", "whole-mission", "rolling")  # planners that take seconds
 FLY = ClosedLoop.fly
 flown: list[int] = []  # seeds, by the present command
 

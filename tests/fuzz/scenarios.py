@@ -86,6 +86,7 @@ PLANNERS: list[dict[str, Any]] = [
         "speed_range": [1.0, 2.0],
     },
     {"kind": "whole-mission", "segment": 2.0, "starts": 1, "search_seed": 1},
+    {"kind": "rolling", "segment": 2.0, "starts": 1, "iterations": 3},
     {"kind": "circle", "center": [0.0, 0.0], "radius": 20.0, "start_on_circle": False},
     {"kind": "centroid-orbit", "orbit_radius": 20.0},
     {"kind": "trail", "behind": 10.0, "left": 5.0},

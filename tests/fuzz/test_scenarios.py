@@ -14,7 +14,7 @@ from obsplan.types import UNCOMPUTABLE
 
 SHORT = 12.0  # seconds that are flown of a mission
 MOST_STEPS = 2000  # times AUVs, of a mission that is flown
-SLOW = ("trajectory", "whole-mission")  # planners that take seconds
+SLOW = ("trajectory", "whole-mission", "rolling")  # planners that take seconds
 TABLES = "auv|cna|constraints|description|duration|environment|estimator|export|name|origin|planner|ranging|seed|time_step"
 PLACE = re.compile(
     rf"s\.toml: (?:(?:{TABLES})\b|unknown key |the file\b|line \d+|.+ has a character that|.+ is nested|.+ has \d+ letters)"
