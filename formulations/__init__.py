@@ -27,10 +27,14 @@ _HOME = {
     "longitudinal_offset": "path_inertia",
     "path_inertia_curvature": "path_inertia",
     "path_inertia_radius": "path_inertia",
+    "AidVehicle": "fleet",
     "InformationBound": "certified_bound",
+    "JointBound": "joint_bound",
+    "RangedAuv": "fleet",
     "Ranging": "model.ranging",
     "best_distance": "model.worth",
     "information_bound": "certified_bound",
+    "joint_bound": "joint_bound",
     "least_sigma": "model.worth",
     "path_information": "cramer_rao",
     "position_rms": "cramer_rao",
@@ -72,6 +76,8 @@ if TYPE_CHECKING:
     from formulations.cramer_rao import range_information as range_information
     from formulations.cramer_rao import ranging_information as ranging_information
     from formulations.cramer_rao import squared_range_information as squared_range_information
+    from formulations.fleet import AidVehicle as AidVehicle
+    from formulations.fleet import RangedAuv as RangedAuv
     from formulations.gramian import ExactGramian as ExactGramian
     from formulations.gramian import empirical_gramian as empirical_gramian
     from formulations.gramian import exact_gramian as exact_gramian
@@ -81,6 +87,8 @@ if TYPE_CHECKING:
     from formulations.gramian.range import range_gramian_function as range_gramian_function
     from formulations.gramian.range import range_gramians as range_gramians
     from formulations.gramian.range import range_score_expression as range_score_expression
+    from formulations.joint_bound import JointBound as JointBound
+    from formulations.joint_bound import joint_bound as joint_bound
     from formulations.ltv import CircleVerdict as CircleVerdict
     from formulations.ltv import circle_gramian as circle_gramian
     from formulations.ltv import fixed_auv_rate as fixed_auv_rate

@@ -15,6 +15,7 @@ from formulations.cramer_rao import (
     range_information,
     squared_range_information,
 )
+from formulations.fleet import AidVehicle, RangedAuv
 from formulations.model.casadi import of_each, symbol
 from formulations.model.ranging import Law, arrival, law_of
 from formulations.model.worth import least_sigma
@@ -130,6 +131,48 @@ class Bounds:
             F = self._transitions(i)
             bounds.append(KEPT.bound(P0, F, Q, J, pings=steps, sigma=sigma, progress=tell))
         return tuple(bounds)
+
+    def fleet(self) -> tuple[list[RangedAuv], list[AidVehicle]]:
+        """AUVs and aid vehicles as `formulations.joint_bound` takes them.
+
+        Each transducer counts as a vehicle, also where two are on one: a larger set of paths.
+        """
+        scenario = self.scenario
+        carried = [b for b, beacon in enumerate(scenario.beacons) if beacon.carrier is not None]
+        aids = [self._aid_vehicle(b) for b in carried]
+        auvs = []
+        for i, (P0, Q) in enumerate(zip(*self._covariances, strict=True)):
+            pings = [np.flatnonzero(self.came[b, i]) for b in carried]
+            J = self._own_information(i)
+            for b in set(range(len(scenario.beacons))) - {*carried}:
+                at = np.flatnonzero(self.came[b, i])
+                J[at - 1] += self._information(b, i, at)
+            samples = _joined(pings).astype(int)
+            depths = [
+                np.full(len(at), scenario.beacons[b].depth)
+                for at, b in zip(pings, carried, strict=True)
+            ]
+            auv = RangedAuv(
+                P0=P0,
+                F=self._transitions(i),
+                Q=Q,
+                J_other=J,
+                pings=samples - 1,
+                places=self.truth[i, samples, :2],
+                aids=np.repeat(np.arange(len(carried)), [len(at) for at in pings]),
+                heights=scenario.depths[samples, i] - _joined(depths),
+            )
+            auvs.append(auv)
+        return auvs, aids
+
+    def _aid_vehicle(self, b: int) -> AidVehicle:
+        """What carries a beacon; one ahead of the vehicle's middle swings round with it."""
+        beacon = self.scenario.beacons[b]
+        return AidVehicle(
+            start=self.beacon_places[b, 0],
+            speed=self._fastest(beacon.carrier),
+            swing=2 * float(np.hypot(*beacon.place)),
+        )
 
     def _fastest(self, aid: int) -> float:
         """Greatest speed of an aid vehicle over ground [m/s]."""
