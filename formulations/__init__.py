@@ -29,12 +29,13 @@ _HOME = {
     "path_inertia_radius": "path_inertia",
     "AidVehicle": "fleet",
     "InformationBound": "certified_bound",
-    "JointBound": "joint_bound",
+    "JointBound": "joint_paths",
+    "OptimalBound": "branch_and_bound",
     "RangedAuv": "fleet",
     "Ranging": "model.ranging",
     "best_distance": "model.worth",
     "information_bound": "certified_bound",
-    "joint_bound": "joint_bound",
+    "joint_bound": "joint_paths",
     "least_sigma": "model.worth",
     "path_information": "cramer_rao",
     "position_rms": "cramer_rao",
@@ -60,6 +61,7 @@ _HOME = {
     "fixed_auv_rate": "ltv",
     "fixed_cna_rate": "ltv",
     "ltv_gramian": "ltv",
+    "optimal_bound": "branch_and_bound",
     "output_map": "ltv",
     "recover_initial_state": "ltv",
     "transition_matrix": "ltv",
@@ -68,6 +70,8 @@ _HOME = {
 }
 
 if TYPE_CHECKING:
+    from formulations.branch_and_bound import OptimalBound as OptimalBound
+    from formulations.branch_and_bound import optimal_bound as optimal_bound
     from formulations.certified_bound import InformationBound as InformationBound
     from formulations.certified_bound import information_bound as information_bound
     from formulations.cramer_rao import path_information as path_information
@@ -87,8 +91,8 @@ if TYPE_CHECKING:
     from formulations.gramian.range import range_gramian_function as range_gramian_function
     from formulations.gramian.range import range_gramians as range_gramians
     from formulations.gramian.range import range_score_expression as range_score_expression
-    from formulations.joint_bound import JointBound as JointBound
-    from formulations.joint_bound import joint_bound as joint_bound
+    from formulations.joint_paths import JointBound as JointBound
+    from formulations.joint_paths import joint_bound as joint_bound
     from formulations.ltv import CircleVerdict as CircleVerdict
     from formulations.ltv import circle_gramian as circle_gramian
     from formulations.ltv import fixed_auv_rate as fixed_auv_rate

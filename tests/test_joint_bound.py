@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from fleets import best_path, mean_squares, random_paths, small_fleet
 
-from formulations import joint_bound as module
+from formulations import joint_paths as module
 from formulations.certified_bound import information_bound
 from formulations.fleet import AidVehicle
-from formulations.joint_bound import joint_bound
+from formulations.joint_paths import joint_bound
 from formulations.model.ranging import Ranging
 from formulations.sight import Boxes, cheapest, sight_of
 

@@ -1,6 +1,6 @@
 """The joint bound: what no paths of a few aid vehicles can beat, for all AUVs together."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ from .sight import Boxes, along, cheapest, distances, gap, sight_of
 RELATIVE_GAP = 0.002  # of the mean square
 MAX_ITERATIONS = 100
 CELLS = 20  # along the longer side of where the AUVs and the aid vehicle start and are
+MIXED = 20  # paths to begin from
 GROWTH = 1.5  # of cells beyond, each by the one before
 MAX_LINKS = 5_000_000  # of cells that can follow one another, some 60 MB
 
@@ -109,7 +110,7 @@ def joint_bound(
             told[way.ranges] = way.best(gradient[way.ranges])
         return told
 
-    start = vertex(np.broadcast_to(-np.eye(2), (len(fleet.aid), 2, 2)))
+    start = _beginning(fleet, vertex, ways)
     found = frank_wolfe(
         fleet,
         start,
@@ -124,6 +125,23 @@ def joint_bound(
         iterations=found.iterations,
         cells=max((len(way.boxes.low) for way in ways), default=0),
     )
+
+
+def _beginning(
+    fleet: Fleet, vertex: Callable[[np.ndarray], np.ndarray], ways: Sequence["_Ways"]
+) -> np.ndarray:
+    """A mixture of a few paths, each the best beside those before; at first beside all bearings.
+
+    A path by itself leaves errors so large that slopes there say little.
+    """
+    mixture = np.zeros((len(fleet.aid), 2, 2))
+    for way in ways:
+        mixture[way.ranges] = np.eye(2) / 2 * way.sight.most.max(axis=1)[:, None, None]
+    for k in range(MIXED):
+        _, J, P = fleet.evaluate(mixture)
+        step = 2 / (k + 2)  # the first takes the place of what no path can tell
+        mixture = (1 - step) * mixture + step * vertex(fleet.gradient(J, P))
+    return mixture
 
 
 class _Ways:

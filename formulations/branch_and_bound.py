@@ -144,16 +144,16 @@ class _Search:
         sight = None if tight is None else self._sight(tight)
         if tight is None or sight is None:
             return
-        start = along(sight.most, sight.middle)
+        told = sight.most[:, None, None] * np.eye(2) / 2  # from all sides, to begin with
         at_least = 0.0
         if parent is not None:
             at_least = max(parent.bound, _linear_bound(parent, sight))
             if at_least >= self.target:
                 return
-            start = _moved(parent.told, sight)
+            told = parent.told
         found = frank_wolfe(
             self.fleet,
-            start,
+            _moved(told, sight),
             lambda gradient: along(sight.most, cheapest(gradient, sight)[1]),
             relative_gap=NODE_GAP,
             max_iterations=NODE_ITERATIONS,
