@@ -167,10 +167,11 @@ class Bounds:
         Each transducer counts as a vehicle, also where two are on one: a larger set of paths.
         """
         beacons = enumerate(self.scenario.beacons)
-        carried = [b for b, beacon in beacons if beacon.carrier is not None]
+        carriers = {b: beacon.carrier for b, beacon in beacons if beacon.carrier is not None}
+        carried = [*carriers]
         covariances = zip(*self._covariances, strict=True)
         auvs = [self._auv(i, P0, Q, carried) for i, (P0, Q) in enumerate(covariances)]
-        return auvs, [self._aid_vehicle(b) for b in carried]
+        return auvs, [self._aid_vehicle(b, carrier) for b, carrier in carriers.items()]
 
     def _auv(self, i: int, P0: np.ndarray, Q: np.ndarray, carried: list[int]) -> RangedAuv:
         """An AUV with its ranges to carried beacons; those to moored ones are as they are."""
@@ -196,12 +197,12 @@ class Bounds:
             heights=_joined(heights),
         )
 
-    def _aid_vehicle(self, b: int) -> AidVehicle:
+    def _aid_vehicle(self, b: int, carrier: int) -> AidVehicle:
         """What carries a beacon; one ahead of the vehicle's middle swings round with it."""
         beacon = self.scenario.beacons[b]
         return AidVehicle(
             start=self.beacon_places[b, 0],
-            speed=self._fastest(beacon.carrier),
+            speed=self._fastest(carrier),
             swing=2 * float(np.hypot(*beacon.place)),
         )
 
