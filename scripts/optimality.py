@@ -1,6 +1,6 @@
 """Write how far from the best path the default planner's is, at most, on short missions.
 
-    python scripts/optimality.py [--nodes 4000] [CASE ...]
+    python scripts/optimality.py [--nodes 3000] [CASE ...]
 
 The table of `docs/bounds.md` is its output. Each case is a shipped scenario, cut short. Of every
 path the Cramér-Rao error counts, along the same true tracks of the AUVs.
@@ -69,7 +69,7 @@ def main() -> None:
     """Write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("cases", nargs="*", default=[*CASES], metavar="CASE")
-    parser.add_argument("--nodes", type=int, default=4000)
+    parser.add_argument("--nodes", type=int, default=3000)
     given = parser.parse_args()
     write = sys.stdout.write
     write(line(*COLUMNS) + line(*["---"] * len(COLUMNS)))
