@@ -27,27 +27,19 @@ _HOME = {
     "longitudinal_offset": "path_inertia",
     "path_inertia_curvature": "path_inertia",
     "path_inertia_radius": "path_inertia",
-    "InformationBound": "certified_bound",
     "Ranging": "model.ranging",
     "best_distance": "model.worth",
-    "information_bound": "certified_bound",
     "least_sigma": "model.worth",
-    "path_information": "cramer_rao",
-    "position_rms": "cramer_rao",
     "position_schur_complement": "metrics",
     "position_schur_expression": "metrics",
-    "posterior_cramer_rao": "cramer_rao",
     "quadrature_weights": "gramian",
     "radius_threshold": "path_inertia",
     "range_gramian_function": "gramian.range",
     "range_gramians": "gramian.range",
-    "range_information": "cramer_rao",
     "range_score_expression": "gramian.range",
-    "ranging_information": "cramer_rao",
     "score": "metrics",
     "score_expression": "metrics",
     "smallest_eigenvalue": "metrics",
-    "squared_range_information": "cramer_rao",
     "trace_inverse": "metrics",
     "unobservability_index": "metrics",
     "unobservable_direction": "metrics",
@@ -62,8 +54,26 @@ _HOME = {
     "unobservable_subspace": "ltv",
     "validate_circle": "ltv",
 }
+_HOME |= {  # bounds
+    "AidVehicle": "fleet",
+    "InformationBound": "certified_bound",
+    "JointBound": "joint_paths",
+    "OptimalBound": "branch_and_bound",
+    "RangedAuv": "fleet",
+    "information_bound": "certified_bound",
+    "joint_bound": "joint_paths",
+    "optimal_bound": "branch_and_bound",
+    "path_information": "cramer_rao",
+    "position_rms": "cramer_rao",
+    "posterior_cramer_rao": "cramer_rao",
+    "range_information": "cramer_rao",
+    "ranging_information": "cramer_rao",
+    "squared_range_information": "cramer_rao",
+}
 
 if TYPE_CHECKING:
+    from formulations.branch_and_bound import OptimalBound as OptimalBound
+    from formulations.branch_and_bound import optimal_bound as optimal_bound
     from formulations.certified_bound import InformationBound as InformationBound
     from formulations.certified_bound import information_bound as information_bound
     from formulations.cramer_rao import path_information as path_information
@@ -72,6 +82,8 @@ if TYPE_CHECKING:
     from formulations.cramer_rao import range_information as range_information
     from formulations.cramer_rao import ranging_information as ranging_information
     from formulations.cramer_rao import squared_range_information as squared_range_information
+    from formulations.fleet import AidVehicle as AidVehicle
+    from formulations.fleet import RangedAuv as RangedAuv
     from formulations.gramian import ExactGramian as ExactGramian
     from formulations.gramian import empirical_gramian as empirical_gramian
     from formulations.gramian import exact_gramian as exact_gramian
@@ -81,6 +93,8 @@ if TYPE_CHECKING:
     from formulations.gramian.range import range_gramian_function as range_gramian_function
     from formulations.gramian.range import range_gramians as range_gramians
     from formulations.gramian.range import range_score_expression as range_score_expression
+    from formulations.joint_paths import JointBound as JointBound
+    from formulations.joint_paths import joint_bound as joint_bound
     from formulations.ltv import CircleVerdict as CircleVerdict
     from formulations.ltv import circle_gramian as circle_gramian
     from formulations.ltv import fixed_auv_rate as fixed_auv_rate

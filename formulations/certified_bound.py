@@ -3,28 +3,18 @@
 Time runs over samples as in `cramer_rao`.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
 
-import casadi as ca
 import numpy as np
 from jaxtyping import Float, Int
 
-from .cramer_rao import positive, posterior_cramer_rao
-from .model.casadi import of_each, symbol
-from .model.covariance import propagate
-from .model.recursion import Recursion
+from .allocation import Allocation, check_pings, mean_square, normalized
+from .cramer_rao import positive
+from .frank_wolfe import Progress, frank_wolfe
 
 RELATIVE_GAP = 0.005  # of the mean square: the bound's RMS is within 0.25 % of the best
 MAX_ITERATIONS = 300
 FINEST = 4096  # steps, up to which a search begins from nothing
-CURVATURE_DECREASE = 0.9  # of the backtracking, as in Pedregosa et al. (2020)
-CURVATURE_INCREASE = 2.0
-ROUNDING = 1e-12  # of a value, relative: decreases below it cannot be told
-
-
-Progress = Callable[[float], None]  # of the share done
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +50,7 @@ class InformationBound:
 
         It is in (0, 1], and 1 where no error is left.
         """
-        achieved = float(np.sqrt(_mean_square(P, self.weights)))
+        achieved = float(np.sqrt(mean_square(P, self.weights)))
         return self.bound_rms_m / achieved if achieved > 0 else 1.0
 
 
@@ -93,14 +83,10 @@ def information_bound(
 
     as a mean of such M weighted by p is one, and every one is the mean of itself. The information
     of the whole trajectory is linear in M, so the sum is convex, and value less duality gap bounds
-    every path, whatever prior, dynamics and process noise: with f the sum, for any allocation M and
-    every other one M',
+    every path, whatever prior, dynamics and process noise.
 
-    .. math:: f(M') \ge f(M) + \langle \nabla f(M), M' - M \rangle \ge f(M) - g(M), \quad
-              g(M) = \max_{M''} \langle \nabla f(M), M - M'' \rangle .
-
-    Solved by Frank-Wolfe (Jaggi 2013) with backtracking (Pedregosa et al. 2020); gradients by one
-    adjoint sweep. Stopped at ``max_iterations`` the bound is looser, and as certain.
+    Solved by `frank_wolfe`; gradients by one adjoint sweep. Stopped at ``max_iterations`` the bound
+    is looser, and as certain.
 
     The certificate asks nothing of where M comes from. So a long mission is first solved with two
     steps taken as one, that with four, and so on down to `FINEST` steps, and each time the coarser
@@ -139,8 +125,8 @@ def information_bound(
         If pings lie outside the steps, sigma is not positive, weights are negative or all
         zero, or the model is not finite.
     """
-    weights = _normalized(np.ones(len(F) + 1) if weights is None else weights, len(F) + 1)
-    _check_pings(pings, len(F))
+    weights = normalized(np.ones(len(F) + 1) if weights is None else weights, len(F) + 1)
+    check_pings(pings, len(F))
     if not (relative_gap > 0 and max_iterations >= 1):
         raise ValueError(
             "relative_gap must be positive and max_iterations at least 1, "
@@ -149,140 +135,52 @@ def information_bound(
     precision = np.broadcast_to(1.0 / positive(sigma) ** 2, pings.shape)
     steps, of_step = np.unique(pings, return_inverse=True)
     together = np.bincount(of_step, precision, len(steps))
-    problem = _Allocation(
+    problem = Allocation(
         P0=P0, F=F, Q=Q, J_other=J_other, pings=steps, precision=together, weights=weights
     )
     found = _coarse_to_fine(problem, relative_gap, max_iterations, progress)
     return replace(found, allocation=found.allocation[of_step])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Allocation:
-    """Mean square position error, a function of how each ping informs different directions."""
-
-    P0: np.ndarray
-    F: np.ndarray
-    Q: np.ndarray
-    J_other: np.ndarray
-    pings: np.ndarray
-    precision: np.ndarray  # 1 / σ² per ping
-    weights: np.ndarray
-
-    def evaluate(self, M: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """Mean square of the allocation M, and the information and covariances behind it."""
-        J = self.J_other.copy()
-        J[self.pings, :2, :2] += self.precision[:, None, None] * M
-        P = posterior_cramer_rao(self.P0, self.F, self.Q, J)
-        return _mean_square(P, self.weights), J, P
-
-    def gradient(self, J: np.ndarray, P: np.ndarray) -> np.ndarray:
-        r"""Derivative with respect to M, by the adjoint sweep.
-
-        .. math:: \Lambda_k = w_k E + A_k^\top \Lambda_{k+1} A_k, \quad
-                  A_k = (I - P_{k+1} J_k) F_k, \quad
-                  \partial / \partial J_k = -P_{k+1} \Lambda_{k+1} P_{k+1}
-
-        E selects the position.
-        """
-        n = len(self.P0)
-        backwards = np.empty_like(P)
-        backwards[0] = self.weights[-1] * np.diag(np.arange(n) < 2)
-        _adjoint_sweep(n)(backwards, P[:0:-1], J[::-1], self.F[::-1], self.weights[-2::-1])
-        adjoint = backwards[::-1][self.pings + 1]
-        return of_each(_by_information(n), P[self.pings + 1], adjoint, self.precision)[0]
-
-    def halved(self) -> tuple["_Allocation", np.ndarray]:
-        """Take two steps as one, and say which of its pings each ping becomes part of.
-
-        What is measured at the first step counts as measured at the second, so this is about the
-        same problem and no bound of it: a cheap place to look for a good allocation.
-        """
-        nothing = np.zeros_like(self.P0)
-        F, F_second = _in_twos(self.F, np.eye(len(self.P0)))
-        Q, Q_second = _in_twos(np.broadcast_to(self.Q, self.F.shape), nothing)
-        J, J_second = _in_twos(self.J_other, nothing)
-        weights, weights_second = _in_twos(self.weights[1:], np.zeros(()))
-        both, part = np.unique(self.pings // 2, return_inverse=True)
-        coarse = _Allocation(
-            P0=self.P0,
-            F=_product(F_second, F),
-            Q=_product(_product(F_second, Q), F_second.swapaxes(1, 2)) + Q_second,
-            J_other=J + J_second,
-            pings=both,
-            precision=np.bincount(part, self.precision, len(both)),
-            weights=np.append(self.weights[0], weights + weights_second),
-        )
-        return coarse, part
-
-
-def _in_twos(a: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The first and the second of each two steps; ``last`` is the second of one without."""
-    second = a[1::2]
-    return a[::2], np.concatenate([second, last[None]]) if len(a) % 2 else second
-
-
 def _coarse_to_fine(
-    problem: _Allocation, relative_gap: float, max_iterations: int, progress: Progress
+    problem: Allocation, relative_gap: float, max_iterations: int, progress: Progress
 ) -> InformationBound:
     """Solve a long problem from the allocation that suits it at half as many steps."""
     M = np.broadcast_to(np.eye(2) / 2, (len(problem.pings), 2, 2))
     if len(problem.F) <= FINEST:
-        return _frank_wolfe(problem, M, relative_gap, max_iterations, progress)
+        return _searched(problem, M, relative_gap, max_iterations, progress)
     coarse, part = problem.halved()
     rough = _coarse_to_fine(coarse, relative_gap, max_iterations, lambda share: progress(share / 2))
     M = rough.allocation[part]
     del coarse  # what is not needed makes room: of a long mission it is large
-    return _frank_wolfe(
+    return _searched(
         problem, M, relative_gap, max_iterations, lambda share: progress((1 + share) / 2)
     )
 
 
-def _frank_wolfe(
-    problem: _Allocation,
+def _searched(
+    problem: Allocation,
     M: np.ndarray,
     relative_gap: float,
     max_iterations: int,
     progress: Progress,
 ) -> InformationBound:
-    """Minimise over allocations from M; the best lower bound of all iterations is kept."""
-    value, J, P = problem.evaluate(M)
-    if not np.isfinite(value):
-        raise ValueError(
-            "P0, F, Q, J_other and weights must be finite and not overflow, "
-            f"got a mean square of {value}"
-        )
-    bound, curvature, iterations = 0.0, 0.0, 0  # a mean square is at least zero
-    while True:
-        iterations += 1
-        gradient = problem.gradient(J, P)
-        step = _steepest_vertex(gradient) - M
-        descent = -float(np.sum(gradient * step))
-        bound = max(bound, value - descent)
-        gap = value - bound
-        progress(min(1.0, relative_gap * value / gap) if gap > 0 else 1.0)  # the gap goes as 1/k
-        if gap <= relative_gap * value or iterations >= max_iterations:
-            return InformationBound(
-                value=value,
-                gap=gap,
-                iterations=iterations,
-                allocation=np.array(M),
-                weights=problem.weights,
-            )
-        curvature = max(CURVATURE_DECREASE * curvature, descent)
-        del J, P  # to make room for the next
-        while True:
-            length = min(1.0, descent / curvature)
-            trial, J, P = problem.evaluate(M + length * step)
-            model = value - length * descent + length**2 * curvature / 2
-            if trial <= model + ROUNDING * value:
-                break
-            curvature *= CURVATURE_INCREASE
-        M, value = M + length * step, trial
-
-
-def _product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """Products of matrices, summed in the same order on every processor, as BLAS's are not."""
-    return np.einsum("kij,kjl->kil", A, B)
+    """Minimise over allocations from M."""
+    found = frank_wolfe(
+        problem,
+        M,
+        _steepest_vertex,
+        relative_gap=relative_gap,
+        max_iterations=max_iterations,
+        progress=progress,
+    )
+    return InformationBound(
+        value=found.value,
+        gap=found.gap,
+        iterations=found.iterations,
+        allocation=found.point,
+        weights=problem.weights,
+    )
 
 
 def _steepest_vertex(gradient: np.ndarray) -> np.ndarray:
@@ -297,52 +195,3 @@ def _steepest_vertex(gradient: np.ndarray) -> np.ndarray:
     split = np.where(size > 0, size, 1.0)
     cos, sin = half / split, across / split  # of twice the angle of the other eigenvector
     return np.stack([1 - cos, -sin, -sin, 1 + cos], axis=-1).reshape(-1, 2, 2) / 2
-
-
-def _mean_square(P: np.ndarray, weights: np.ndarray) -> float:
-    # not by a scalar product: BLAS sums differently on each processor
-    return float(np.sum(weights * (P[:, 0, 0] + P[:, 1, 1])))
-
-
-def _normalized(weights: np.ndarray, samples: int) -> np.ndarray:
-    """Return weights of sum one, once they are known to be weights."""
-    if len(weights) != samples:
-        raise ValueError(
-            f"give one weight per sample: {samples} samples, got {len(weights)} weights"
-        )
-    if not (np.all(weights >= 0) and 0 < np.sum(weights) < np.inf):
-        raise ValueError(
-            "weights must be at least 0 and not all 0, "
-            f"got a least of {np.min(weights)} and a sum of {np.sum(weights)}"
-        )
-    return weights / np.sum(weights)
-
-
-def _check_pings(pings: np.ndarray, steps: int) -> None:
-    if len(pings) and (pings.min() < 0 or pings.max() >= steps):
-        raise ValueError(
-            f"pings must be steps 0 to {steps - 1}, got {pings.min()} to {pings.max()}"
-        )
-
-
-@cache
-def _adjoint_sweep(n: int) -> Recursion:
-    """Make (Λ, P and J after the step, F, w before it) -> Λ of the sample before."""
-    L, P, J, Ft = (symbol(name, n, n) for name in ("L", "P", "J", "Ft"))
-    w = symbol("w")
-    At = Ft @ (ca.SX.eye(n) - J @ P)
-    before = propagate(L, At, w * _position(n))
-    return Recursion(ca.Function("adjoint", [L, P, J, Ft, w], [before]))
-
-
-@cache
-def _by_information(n: int) -> ca.Function:
-    """Make (P, Λ, 1/σ²) -> derivative with respect to the direction of a ping."""
-    P, L, precision = symbol("P", n, n), symbol("L", n, n), symbol("r")
-    slope = -precision * (P[:2, :] @ L @ P[:, :2])
-    return ca.Function("by_information", [P, L, precision], [slope])
-
-
-def _position(n: int) -> ca.DM:
-    """What selects the position, states one and two."""
-    return ca.diag(ca.DM([1.0, 1.0, *[0.0] * (n - 2)]))

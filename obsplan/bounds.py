@@ -9,14 +9,17 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Bool, Float, Integer
 
+from formulations.branch_and_bound import OptimalBound, optimal_bound
 from formulations.certified_bound import InformationBound
 from formulations.cramer_rao import (
     posterior_cramer_rao,
     range_information,
     squared_range_information,
 )
+from formulations.fleet import AidVehicle, RangedAuv
+from formulations.joint_paths import JointBound, joint_bound
 from formulations.model.casadi import of_each, symbol
-from formulations.model.ranging import Law, arrival, law_of
+from formulations.model.ranging import Law, Ranging, arrival, law_of
 from formulations.model.worth import least_sigma
 from obsplan.estimators.jacobian import informations, transitions
 from obsplan.kept_bounds import KEPT
@@ -27,6 +30,8 @@ from obsplan.scenario.tables import aids_of
 from obsplan.sensors import BEACON, Range, SquaredRange
 
 Progress = Callable[[float, int], None]  # done, in all
+
+NEAR_ENOUGH = 0.01  # of the mean square: half a percent of the error
 
 GAINS = {Range: range_information, SquaredRange: squared_range_information}
 
@@ -75,7 +80,12 @@ class Bounds:
     @property
     def _law(self) -> Law:
         """The true law of ranges."""
-        return law_of(law_told(self.scenario.range_sensor, self.scenario.table.ranging))
+        return law_of(self._ranging)
+
+    @property
+    def _ranging(self) -> Ranging:
+        """The same in numbers."""
+        return law_told(self.scenario.range_sensor, self.scenario.table.ranging)
 
     def _information(
         self, b: int, i: int, pings: Integer[np.ndarray, " pings"]
@@ -131,6 +141,71 @@ class Bounds:
             bounds.append(KEPT.bound(P0, F, Q, J, pings=steps, sigma=sigma, progress=tell))
         return tuple(bounds)
 
+    def joint(self, progress: Callable[[float], None]) -> JointBound:
+        """What no paths of the aid vehicles can beat, of all AUVs together."""
+        auvs, aids = self.fleet()
+        return joint_bound(auvs, aids, ranging=self._ranging, time=self.time, progress=progress)
+
+    def optimal(self, max_nodes: int, progress: Callable[[float], None]) -> OptimalBound:
+        """How far the paths that were flown are from the best ones, at most."""
+        auvs, aids = self.fleet()
+        achieved = np.mean([np.mean(P[:, 0, 0] + P[:, 1, 1]) for P in self.posterior()])
+        return optimal_bound(
+            auvs,
+            aids,
+            ranging=self._ranging,
+            time=self.time,
+            achieved=float(achieved),
+            relative_gap=NEAR_ENOUGH,
+            max_nodes=max_nodes,
+            progress=progress,
+        )
+
+    def fleet(self) -> tuple[list[RangedAuv], list[AidVehicle]]:
+        """AUVs and aid vehicles as `formulations.joint_bound` takes them.
+
+        Each transducer counts as a vehicle, also where two are on one: a larger set of paths.
+        """
+        beacons = enumerate(self.scenario.beacons)
+        carriers = {b: beacon.carrier for b, beacon in beacons if beacon.carrier is not None}
+        carried = [*carriers]
+        covariances = zip(*self._covariances, strict=True)
+        auvs = [self._auv(i, P0, Q, carried) for i, (P0, Q) in enumerate(covariances)]
+        return auvs, [self._aid_vehicle(b, carrier) for b, carrier in carriers.items()]
+
+    def _auv(self, i: int, P0: np.ndarray, Q: np.ndarray, carried: list[int]) -> RangedAuv:
+        """An AUV with its ranges to carried beacons; those to moored ones are as they are."""
+        J = self._own_information(i)
+        samples, aids, heights = [], [], []
+        for b, beacon in enumerate(self.scenario.beacons):
+            at = np.flatnonzero(self.came[b, i])
+            if b not in carried:
+                J[at - 1] += self._information(b, i, at)
+                continue
+            samples.append(at)
+            aids.append(np.full(at.shape, carried.index(b)))
+            heights.append(self.scenario.depths[at, i] - beacon.depth)
+        pings = _joined(samples).astype(int)
+        return RangedAuv(
+            P0=P0,
+            F=self._transitions(i),
+            Q=Q,
+            J_other=J,
+            pings=pings - 1,
+            places=self.truth[i, pings, :2],
+            aids=_joined(aids).astype(int),
+            heights=_joined(heights),
+        )
+
+    def _aid_vehicle(self, b: int, carrier: int) -> AidVehicle:
+        """What carries a beacon; one ahead of the vehicle's middle swings round with it."""
+        beacon = self.scenario.beacons[b]
+        return AidVehicle(
+            start=self.beacon_places[b, 0],
+            speed=self._fastest(carrier),
+            swing=2 * float(np.hypot(*beacon.place)),
+        )
+
     def _fastest(self, aid: int) -> float:
         """Greatest speed of an aid vehicle over ground [m/s]."""
         scenario = self.scenario
@@ -142,14 +217,13 @@ class Bounds:
     ) -> Float[np.ndarray, " pings"]:
         """Smallest standard deviation [m] of a range to a beacon carried at up to a speed."""
         scenario, beacon = self.scenario, self.scenario.beacons[b]
-        law = law_told(scenario.range_sensor, scenario.table.ranging)
         away = self.truth[i, pings, :2] - self.beacon_places[b, 0]
         start = np.hypot(away[:, 0], away[:, 1])
         # a beacon ahead of the vehicle's middle swings round with it
         travelled = speed * self.time[pings] + 2 * np.hypot(*beacon.place)
         nearest = np.maximum(start - travelled, 0.0)
         height = scenario.depths[pings, i] - beacon.depth
-        return least_sigma(law, nearest, start + travelled, height)
+        return least_sigma(self._ranging, nearest, start + travelled, height)
 
     @property
     def _covariances(self) -> tuple[np.ndarray, np.ndarray]:

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from formulations.branch_and_bound import OptimalBound
 from formulations.certified_bound import InformationBound
 from formulations.consistency import effective_samples
+from formulations.joint_paths import JointBound
 from formulations.solution import Status
 from obsplan.bounds import Bounds
 from obsplan.estimators.jacobian import predictions
@@ -27,6 +29,10 @@ __all__ = ["AidTrack", "Run", "Timing"]
 
 Progress = Callable[[float, int], None]  # done, in all
 SETTLED = 0.1  # of the mission, after which errors are no longer those of the first estimate
+
+
+def _untold(_share: float) -> None:
+    """Progress that nobody asked for."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -185,6 +191,38 @@ class Run(Record):
             tell = progress or (lambda _done, _all: None)
             derived["information_bounds"] = self._bounds.certified(tell)
         return derived["information_bounds"]
+
+    def joint_bound(self, progress: Callable[[float], None] = _untold) -> JointBound:
+        """Bound all AUVs' mean square error, of every path of vehicles this fast, from below.
+
+        It counts what `information_bounds` leave out: that one vehicle serves all AUVs, and that
+        its speed is limited. It takes seconds. Assumptions are otherwise the same.
+
+        Raises
+        ------
+        ObsplanError
+            As `information_bounds`.
+        """
+        if self.unbounded:
+            raise ObsplanError(self.unbounded)
+        return self._bounds.joint(progress)
+
+    def optimal_bound(
+        self, max_nodes: int = 2000, progress: Callable[[float], None] = _untold
+    ) -> OptimalBound:
+        """Bound how far the flown path's Cramér-Rao error is above the best path's, at most.
+
+        For short missions: some ten pings. A node takes some milliseconds, and more nodes give a
+        closer bound; see `formulations.optimal_bound`.
+
+        Raises
+        ------
+        ObsplanError
+            As `information_bounds`.
+        """
+        if self.unbounded:
+            raise ObsplanError(self.unbounded)
+        return self._bounds.optimal(max_nodes, progress)
 
     @property
     def status_counts(self) -> dict[str, int]:

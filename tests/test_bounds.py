@@ -1,5 +1,7 @@
 """Bounds of runs whose ranges are slant, grow, are lost and come from several beacons."""
 
+from importlib.resources import files
+
 import numpy as np
 import pytest
 from oracles import scenario
@@ -70,3 +72,29 @@ def test_planner_inside_the_step_is_told_depths_that_change_as_one_outside_is(ki
     monkeypatch.setattr("obsplan.simulation.step.expression_of", lambda _planner: None)
     outside = op.simulate(mission, seed=2)
     np.testing.assert_allclose(inside.cna, outside.cna, rtol=1e-9)
+
+
+def test_how_far_a_short_mission_is_from_the_best_path_is_certified():
+    """In a tank, eight ranges: no planner's path is below, and the default's is near the best."""
+    folder = files("obsplan") / "scenarios" / "suite"
+    tank = op.load(str(folder / "tank-slow.toml")).replace(duration=8.0, ranging__interval=1.0)
+    run = op.simulate(tank, planner="information", seed=3001)
+    joint, optimal = run.joint_bound(), run.optimal_bound(max_nodes=60)
+    for bound in (joint.bound, optimal.bound):
+        assert run.information_bounds[0].bound < bound < optimal.achieved
+    assert optimal.achieved == pytest.approx(np.mean(run.cramer_rao_variance), rel=1e-9)
+    assert 0 < optimal.excess < 0.1
+    for planner in ("error-ellipse", "centroid-orbit", "random"):
+        other = op.simulate(tank, planner=planner, seed=3001)
+        assert np.mean(other.cramer_rao_variance) > max(joint.bound, optimal.bound)
+
+
+def test_joint_bound_holds_over_heights_losses_and_several_transducers():
+    run = flown("error-ellipse", beacon=[MOORED, STERN], duration=40.0)
+    bound = run.joint_bound()
+    assert 0.2 < bound.bound / np.mean(run.cramer_rao_variance) <= 1.0
+    alone = np.mean([own.bound for own in run.information_bounds])
+    assert bound.value > alone
+    fleet, aids = run._bounds.fleet()
+    assert [len(aid_of.pings) for aid_of in fleet] == [*run.came[[0, 2]].sum(axis=(0, 2))]
+    assert [aid.swing for aid in aids] == [0.0, 4.0]

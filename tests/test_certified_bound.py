@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from formulations import certified_bound
-from formulations.certified_bound import FINEST, _Allocation, information_bound
+from formulations.allocation import Allocation
+from formulations.certified_bound import FINEST, information_bound
 from formulations.cramer_rao import (
     position_rms,
     posterior_cramer_rao,
@@ -187,7 +188,7 @@ def test_gradient_and_first_duality_gap_are_those_of_finite_differences():
     model, pings, _ = survey_model(rng, 15, every=2)
     weights = rng.dirichlet(np.ones(16))
     sigma = rng.uniform(0.5, 2.0, len(pings))
-    problem = _Allocation(**model, pings=pings, precision=1 / sigma**2, weights=weights)
+    problem = Allocation(**model, pings=pings, precision=1 / sigma**2, weights=weights)
     M = np.tile(np.eye(2) / 2, (len(pings), 1, 1))
     slopes, h = np.empty_like(M), 1e-5
     for j, r, c in np.ndindex(M.shape):

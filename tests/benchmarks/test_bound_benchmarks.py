@@ -8,7 +8,7 @@ Times are recorded, never asserted; results are checked once. Run alone:
 import numpy as np
 import pytest
 
-from formulations import certified_bound, cramer_rao
+from formulations import allocation, certified_bound, cramer_rao
 from formulations.certified_bound import information_bound
 from formulations.cramer_rao import posterior_cramer_rao
 from formulations.model import compiler, recursion
@@ -43,7 +43,7 @@ def in_numpy(P0, F, Q, J):
 @pytest.fixture
 def road(request, monkeypatch):
     """How sweeps are run: as machine code, by CasADi's virtual machine, or in numpy."""
-    sweeps = (cramer_rao._riccati_sweep, certified_bound._adjoint_sweep)
+    sweeps = (cramer_rao._riccati_sweep, allocation._adjoint_sweep)
     for sweep in sweeps:
         sweep.cache_clear()
     monkeypatch.setattr(recursion, "BREAK_EVEN", 0)
