@@ -18,9 +18,8 @@ from jaxtyping import Float
 
 from ..model.covariance import DEPTH
 
-WORSE = (
-    0.1  # β: share of its covariance by which an AUV is known worse while the vehicle comes back
-)
+# β: the share of its covariance by which an AUV is known worse while the vehicle comes back
+WORSE = 0.1
 
 
 def cost_per_metre(
