@@ -221,7 +221,7 @@ def brute(score, stages=3, count=13):
     values = np.array([score(u) for u in grid])
     options = {"bounds": [(-LIMIT, LIMIT)] * stages, "options": {"ftol": 1e-13}}
     return min(
-        minimize(score, grid[k], method="SLSQP", **options).fun for k in values.argsort()[:8]
+        minimize(score, grid[k], method="SLSQP", **options).fun for k in values.argsort()[:4]
     )
 
 
