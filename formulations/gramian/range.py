@@ -16,8 +16,11 @@ u and T alone: the displacement moments. The polynomials are written with plain 
 numpy and CasADi alike.
 
 Variants: ``exact``; ``thesis``, whose heading perturbation leaves the range unchanged (4.6), so
-that W13 = W23 = 0. Either is scaled to information by the variances R of the two outputs: of white
-noise in continuous time, a sample's variance times the sampling interval. A range, not squared, has
+that W13 = W23 = 0; ``degrees``, exact with the heading in degrees, as state and as output, which is
+D W D with D = diag(1, 1, π/180) and the heading's own information, 1 in either unit: the coupling
+of heading into position shrinks by 57, nearly to what (4.6) prints. Each is scaled to information
+by the variances R of the two outputs: of white noise in continuous time, a sample's variance times
+the sampling interval. A range, not squared, has
 this Jacobian over 2‖p(t)‖, which is no polynomial: freeze the distance d and take the variance 4 d²
 σ².
 """
@@ -33,8 +36,10 @@ from ..metrics import BLEND_WEIGHT, position_schur_expression, score_expression
 from ..model.casadi import matrix
 from ..model.frames import to_body, turn_matrix
 
-VARIANTS = ("exact", "thesis")
-UNIT_VARIANCES = (1.0, 1.0)  # of the heading [rad²·s], of the squared range [m⁴·s]
+VARIANTS = ("exact", "thesis", "degrees")
+DEGREE = np.pi / 180.0  # [rad]
+# of the heading [rad²·s; ``degrees``: degree²·s], of the squared range [m⁴·s]
+UNIT_VARIANCES = (1.0, 1.0)
 SERIES_LIMIT = 2.0  # |uT| below which moments are summed as series: either way keeps about 1e-15
 SERIES_TERMS = 40  # the last is of the size (2·SERIES_LIMIT)^40 / 40! = 1.5e-24
 
@@ -182,8 +187,10 @@ def gramian_entries(
         return w11, w12, 0.0 * w11, w22, 0.0 * w11, seen + 0.0 * w11
     w13 = gain * (_dot(d1, q12) - _dot(d2, q11) + _dot(d11, second) - _dot(d12, first))
     w23 = gain * (_dot(d1, q22) - _dot(d2, q12) + _dot(d12, second) - _dot(d22, first))
-    w33 = gain * (_dot(d11, q22) - 2.0 * _dot(d12, q12) + _dot(d22, q11)) + seen
-    return w11, w12, w13, w22, w23, w33
+    w33 = gain * (_dot(d11, q22) - 2.0 * _dot(d12, q12) + _dot(d22, q11))
+    if variant == "degrees":
+        w13, w23, w33 = DEGREE * w13, DEGREE * w23, DEGREE**2 * w33
+    return w11, w12, w13, w22, w23, w33 + seen
 
 
 def _dot(moments: list[Array], coefficients: list[Array]) -> Array:
@@ -214,7 +221,7 @@ def range_gramians(
 ) -> Float[np.ndarray, "K M 3 3"]:
     """Return the Gramian of every candidate turn rate and every AUV, in east and north.
 
-    The state is (x1, x2, ψ).
+    The state is (x1, x2, ψ) [m, m, rad; variant ``degrees``: m, m, degree].
 
     Parameters
     ----------

@@ -11,7 +11,12 @@ from jaxtyping import Float
 
 from formulations.gramian.empirical_range import empirical_gramian_entries
 from formulations.gramian.pings import ping_moments
-from formulations.gramian.range import DisplacementMoments, displacement_moments, gramian_entries
+from formulations.gramian.range import (
+    DEGREE,
+    DisplacementMoments,
+    displacement_moments,
+    gramian_entries,
+)
 from formulations.metrics import position_schur_expression, score_expression
 from formulations.model.arcs import arcs
 from formulations.model.casadi import Call
@@ -69,7 +74,8 @@ class GramianHorizon:
 
     - ``gramian``: ``exact`` is a closed form. ``empirical`` takes central differences of
       simulations. ``thesis`` is exact but for the range's sensitivity to the heading, which
-      (4.6) leaves out.
+      (4.6) leaves out. ``degrees`` is exact with headings in degrees, which all but leaves it
+      out, too (`obsplan thesis eq4.6`).
     - ``motion``: AUVs keep the velocity reported.
     - ``sampling``: ranges come at the next pings, as many as the horizon holds, to each AUV in its
       slot and not while there is silence. It is lengthened to hold at least three.
@@ -90,11 +96,11 @@ class GramianHorizon:
 
     situation: Situation
     _: KW_ONLY
-    gramian: Annotated[Literal["exact", "empirical", "thesis"], "how the Gramian is computed"] = (
-        "exact"
-    )
+    gramian: Annotated[
+        Literal["exact", "empirical", "thesis", "degrees"], "how the Gramian is computed"
+    ] = "exact"
     metric: Annotated[
-        Metric, "of each AUV's Gramian over (east, north, heading); units m, rad, s"
+        Metric, "of each AUV's Gramian over (east, north, heading); units m, rad (or degrees), s"
     ] = "condition-number"
     aggregate: Annotated[Literal["mean", "rms", "max"], "over AUVs, by their weights"] = "mean"
     turn_rates: Annotated[int, "number of candidates", CANDIDATES] = 21
@@ -285,7 +291,8 @@ class GramianHorizon:
             of_squares = heard
         samples = arrival(law, r2, edge=EDGE) * (heard / interval)
         gain = samples / (variance(law, r2) * ca.if_else(of_squares > 0, of_squares, 1.0))
-        seen = self.look_ahead / interval / self.situation.heading_sigma**2
+        unit = DEGREE if self.gramian == "degrees" else 1.0
+        seen = self.look_ahead / interval / (self.situation.heading_sigma / unit) ** 2
         return (
             w11 * gain,
             w12 * gain,

@@ -2,6 +2,7 @@
 
 from obsplan.thesis import (
     appendix,
+    degrees,
     groups,
     horizon,
     inertia,
@@ -14,6 +15,7 @@ from obsplan.thesis import (
 from obsplan.thesis.item import Item
 
 MODULES = (
+    degrees,
     inertia,
     penalty,
     groups,

@@ -23,8 +23,11 @@ if TYPE_CHECKING:
 PAGE, RECORD = "thesis.md", "findings.json"
 WIDTH = 720  # of a picture on the page [pixel]
 HEADINGS = {
+    "fig2": "Localization (section 2.2)",
+    "eq4": "Empirical Gramian (chapter 4)",
     "fig5": "Simulations (chapter 5)",
     "table5": "Localization performance (section 5.3)",
+    "figA": "Appendix A",
     "figB": "Appendix B",
     "study": "Open questions",
 }
