@@ -137,7 +137,8 @@ def gramian(x, heading, turn_rate, speed, horizon, variant="exact"):
     def integrand(t):
         px, py, _ = arc((*x, heading), turn_rate, speed, t)
         by_heading = 0.0 if variant == "thesis" else 2 * (py * (px - x[0]) - px * (py - x[1]))
-        J = np.array([[0.0, 0.0, 1.0], [2 * px, 2 * py, by_heading]])
+        unit = np.pi / 180 if variant == "degrees" else 1.0  # a degree in radians
+        J = np.array([[0.0, 0.0, 1.0], [2 * px, 2 * py, by_heading * unit]])
         return J.T @ J
 
     return quad_vec(integrand, 0.0, horizon, epsabs=1e-13, epsrel=1e-13)[0]

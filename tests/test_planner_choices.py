@@ -92,7 +92,7 @@ PLACES, WEIGHTS = np.array([(3.0, 1.5), (-1.0, -2.5), (0.5, 4.0)]), (1.0, 0.0, 2
 
 @pytest.mark.parametrize("aggregate", AGGREGATES)
 @pytest.mark.parametrize("metric", METRICS)
-@pytest.mark.parametrize("gramian", ["exact", "thesis"])
+@pytest.mark.parametrize("gramian", ["exact", "thesis", "degrees"])
 def test_gramian_horizon_takes_the_best_candidate_of_brute_force(gramian, metric, aggregate):
     planner = op.GramianHorizon(
         op.Situation(CNA),

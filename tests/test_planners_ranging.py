@@ -195,3 +195,19 @@ def test_orbit_and_trail_keep_the_distance_at_which_ranges_over_the_depth_tell_m
     given = CentroidOrbit(known, orbit_radius=30.0), Trail(known, behind=30.0)
     assert given[0].plan(pose, believed).score == pytest.approx(170.0**2)
     assert given[1].plan(pose, believed).score == pytest.approx(230.0**2)
+
+
+def test_the_position_counts_alike_whatever_unit_the_heading_has():
+    known, pose = situation(Ranging(0.7), ping_interval=INTERVAL), op.Pose(4.0, -3.0, 0.8)
+    alike, other = (
+        [
+            op.GramianHorizon(known, gramian=name, noise="sensor", block=block).plan(
+                pose, [op.Belief.at(9.0, 2.0)]
+            )
+            for name in ("exact", "degrees")
+        ]
+        for block in ("position", "pose")
+    )
+    assert alike[0].score == pytest.approx(alike[1].score, rel=1e-9)
+    assert alike[0].turn_rate == alike[1].turn_rate
+    assert other[0].score != pytest.approx(other[1].score, rel=0.5)

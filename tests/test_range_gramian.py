@@ -1,6 +1,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from gramian_oracles import arc
 from scipy.integrate import solve_ivp
 
 from formulations.gramian.range import (
@@ -238,6 +239,30 @@ def test_thesis_variant_leaves_the_range_out_of_the_heading_entries():
     assert np.abs(exact[..., :2, 2]).min() > 1e-3
 
 
+def test_degrees_are_central_differences_of_outputs_in_degrees():
+    x, heading, u, eps = np.array([1.3, -0.7]), 35.0, 0.8, 1e-3
+
+    def outputs(east, north, degrees):
+        pose = arc(np.array([east, north, np.radians(degrees)]), u, nodes)
+        return np.stack([np.degrees(pose[:, 2]), pose[:, 0] ** 2 + pose[:, 1] ** 2], axis=-1)
+
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    nodes, weights = 0.5 * HORIZON * (nodes + 1), 0.5 * HORIZON * weights
+    start = np.array([*x, heading])
+    d = [outputs(*(start + e)) - outputs(*(start - e)) for e in eps * np.eye(3)]
+    expected = np.einsum("t,ita,jta->ij", weights, d, d) / (4 * eps**2)
+    W = range_gramians(
+        x[None],
+        np.radians(heading),
+        turn_rates=np.array([u]),
+        speed=1.0,
+        horizon=HORIZON,
+        variant="degrees",
+    )[0, 0]
+    # rounding of headings near 100 degrees over eps; the range is nearly linear in a degree
+    np.testing.assert_allclose(W, expected, rtol=1e-9, atol=1e-9)
+
+
 def test_variances_scale_it_to_the_information_of_the_outputs():
     for x, heading, u, speed, horizon, v in list(cases(moving=True))[::5]:
         options = {
@@ -280,7 +305,7 @@ def test_central_differences_converge_to_it_at_second_order():
 
 
 @pytest.mark.parametrize("moving", [False, True])
-@pytest.mark.parametrize("variant", ["exact", "thesis"])
+@pytest.mark.parametrize("variant", ["exact", "thesis", "degrees"])
 @pytest.mark.parametrize("nuisance", [False, True])
 def test_compiled_function_scores_all_candidates_and_auvs_as_numpy_does(moving, variant, nuisance):
     rng = np.random.default_rng(3)
@@ -350,7 +375,7 @@ def test_bad_input_is_refused_with_its_value():
         with pytest.raises(ValueError, match=message):
             displacement_moments(speed, rates, horizon)
     with pytest.raises(
-        ValueError, match="variant 'thesys' is not known; choose one of exact, thesis"
+        ValueError, match="variant 'thesys' is not known; choose one of exact, thesis, degrees"
     ):
         range_gramians(
             np.ones((1, 2)), 0.0, turn_rates=RATES, speed=1.0, horizon=1.0, variant="thesys"

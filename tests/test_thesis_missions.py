@@ -259,7 +259,8 @@ def test_study_is_computed_drawn_and_answered(name):
 
 def test_every_item_of_the_thesis_is_there_and_every_question():
     figures = (
-        [f"fig5.{k}" for k in range(1, 13)]
+        ["fig2.1", "eq4.6", "figA.1", "figA.2"]
+        + [f"fig5.{k}" for k in range(1, 13)]
         + ["table5.1", "table5.2"]
         + [f"figB.{k}" for k in range(1, 9)]
     )

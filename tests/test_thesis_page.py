@@ -42,7 +42,7 @@ def test_folder_holds_picture_data_and_page_the_same_on_every_run(tmp_path):
 
 
 def test_unknown_item_and_existing_folder_are_refused_and_nothing_is_left(tmp_path):
-    with pytest.raises(op.ObsplanError, match=r'no "fig9.9"; give all, or some of fig5.1'):
+    with pytest.raises(op.ObsplanError, match=r'no "fig9.9"; give all, or some of fig2.1'):
         write_thesis(["fig9.9"], tmp_path / "out")
     (tmp_path / "there").mkdir()
     with pytest.raises(op.ObsplanError, match="exists and is not overwritten"):

@@ -2,6 +2,7 @@
 
 from obsplan.thesis import (
     appendix,
+    baselines,
     degrees,
     groups,
     horizon,
@@ -14,16 +15,18 @@ from obsplan.thesis import (
 )
 from obsplan.thesis.item import Item
 
-MODULES = (
-    degrees,
-    inertia,
-    penalty,
-    groups,
-    horizon,
-    tables,
-    appendix,
-    study_gramian,
-    study_inertia,
-    study_speeds,
+CHAPTERS: tuple[tuple[Item, ...], ...] = (
+    (baselines.GEOMETRY,),
+    degrees.ITEMS,
+    inertia.ITEMS,
+    penalty.ITEMS,
+    groups.ITEMS,
+    horizon.ITEMS,
+    tables.ITEMS,
+    baselines.BASELINES,
+    appendix.ITEMS,
+    study_gramian.ITEMS,
+    study_inertia.ITEMS,
+    study_speeds.ITEMS,
 )
-ITEMS: dict[str, Item] = {item.name: item for module in MODULES for item in module.ITEMS}
+ITEMS: dict[str, Item] = {item.name: item for chapter in CHAPTERS for item in chapter}
