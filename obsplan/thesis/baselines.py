@@ -12,9 +12,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from formulations.consistency import mean_interval
+from formulations.model.ranging import law_of, variance
 from obsplan.report.style import AID, FAINT, colour
 from obsplan.run import Run
 from obsplan.scenario import load
+from obsplan.scenario.beacons import law_told
 from obsplan.simulation import simulate
 from obsplan.thesis.drawing import panels
 from obsplan.thesis.item import Finding, Item
@@ -57,11 +59,12 @@ class Ranges(NamedTuple):
 
 def came(run: Run) -> Ranges:
     """The rounds in which all beacons were heard, at the ends of their pings."""
-    beacons, sensor = run.scenario.beacons, run.scenario.filter_sensor
+    scenario, beacons = run.scenario, run.scenario.beacons
+    law = law_of(law_told(scenario.planner_sensor, scenario.planner_ranging))
     at = np.isfinite(run.ranges[:, 0]).all(axis=0)
     slant = run.ranges[:, 0, at]
-    up = run.scenario.depths[at, 0] - np.array([[beacon.depth] for beacon in beacons])
-    sigma = np.hypot(sensor.sigma, sensor.growth * slant)
+    up = scenario.depths[at, 0] - np.array([[beacon.depth] for beacon in beacons])
+    sigma = np.sqrt(variance(law, slant**2))
     return Ranges(run.time[at], run.true[0, at, :2], up, slant, sigma)
 
 
