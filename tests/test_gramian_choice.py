@@ -130,18 +130,23 @@ def compass(unit, period):
 WEST = np.array([1.0, 0.5, np.pi - 0.25])  # a turn of 0.5 rad/s passes west at a sample
 
 
-def test_a_wrapped_angle_is_declared_or_refused():
-    given = {"horizon": 1.0, "p": [0.0, 0.0]}
-    controls = [[0.5]]
-    wrapped = compass(1.0, 2 * np.pi)
+GIVEN = {"u": [[0.5]], "horizon": 1.0, "p": [0.0, 0.0]}
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])  # a heading, and a bearing that counts clockwise
+def test_a_wrapped_angle_is_declared_or_refused(sense):
+    wrapped = compass(sense, 2 * np.pi)
     with pytest.raises(ValueError, match=r"output 0 jumps by 6\.28319 where state 2 is moved"):
-        simulated(wrapped)(WEST, controls, **given)
-    W = simulated(wrapped, angles=(0,))(WEST, controls, **given)
-    np.testing.assert_allclose(W, simulated()(WEST, controls, **given), rtol=1e-8)
+        simulated(wrapped)(WEST, **GIVEN)
+    W = simulated(wrapped, angles=(0,))(WEST, **GIVEN)
+    np.testing.assert_allclose(W, simulated()(WEST, **GIVEN), rtol=1e-8)
+
+
+def test_an_angle_must_be_an_output_in_radians():
     with pytest.raises(ValueError, match=r"output 0, declared an angle, moves by .* in radians"):
-        simulated(compass(180 / np.pi, 360.0), angles=(0,))(WEST, controls, **given)
+        simulated(compass(180 / np.pi, 360.0), angles=(0,))(WEST, **GIVEN)
     with pytest.raises(ValueError, match=r"angles must be numbers of outputs, 0 to 1, got \[2\]"):
-        simulated(angles=(2,))(WEST, controls, **given)
+        simulated(angles=(2,))(WEST, **GIVEN)
 
 
 def test_an_exact_gramian_does_not_mind_an_angle_that_wraps():
@@ -150,10 +155,7 @@ def test_an_exact_gramian_does_not_mind_an_angle_that_wraps():
         return ca.vertcat(heading, range_to(t, x, u, p)[1])
 
     gramian = exact_gramian(unicycle, wrapped, n=3, m=1, q=2, steps=20)
-    given = {"horizon": 1.0, "p": [0.0, 0.0]}
-    np.testing.assert_allclose(
-        gramian(WEST, [[0.5]], **given), COARSE(WEST, [[0.5]], **given), rtol=1e-12
-    )
+    np.testing.assert_allclose(gramian(WEST, **GIVEN), COARSE(WEST, **GIVEN), rtol=1e-12)
 
 
 def test_a_model_in_numpy_given_to_an_exact_gramian_is_told_where_to_go():
