@@ -21,7 +21,7 @@ class SimulatedGramian:
     Central differences (thesis 2.9) of the outputs that the classical Runge-Kutta method finds:
     the Gramian of :func:`exact_gramian` but for O(epsilon^2) and for rounding over epsilon, with
     a relative error of about 1e-9. It takes 8·n·steps calls of f per state and control, and so
-    some hundred times as long.
+    some two hundred times as long.
 
     Raises ValueError where :func:`empirical_gramian` does, and for models that take other
     arguments.
