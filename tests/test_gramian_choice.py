@@ -33,8 +33,8 @@ def numpy_range_to(t, x, u, p):  # noqa: ARG001
     return [x[2], (x[0] - p[0]) ** 2 + (x[1] - p[1]) ** 2]
 
 
-def simulated(h=numpy_range_to, **options):
-    return SimulatedGramian(f=numpy_unicycle, h=h, steps=20, **options)
+def simulated(h=numpy_range_to, steps=20, **options):
+    return SimulatedGramian(f=numpy_unicycle, h=h, steps=steps, **options)
 
 
 @pytest.mark.parametrize("metric", ["condition-number", "unobservability-index", "trace-inverse"])
@@ -174,12 +174,16 @@ def test_a_model_of_other_arguments_is_refused(model):
 # --- the choice ---
 
 
-def test_of_mirror_images_the_first_is_taken_however_the_world_is_turned():
+@pytest.mark.parametrize("metric", ["condition-number", "log-det"])
+@pytest.mark.parametrize(
+    ("gramian", "distance"), [(COARSE, 3.0), (COARSE, 300.0), (simulated(steps=4), 30.0)]
+)
+def test_of_mirror_images_the_first_is_taken_however_the_world_is_turned(gramian, distance, metric):
+    given = {"horizon": HORIZON, "p": [0.0, 0.0], "metric": metric}
     for angle in np.linspace(0.0, 6.2, 9):
-        pose = [3 * np.cos(angle), 3 * np.sin(angle), angle]  # straight away from the AUV
+        away = [distance * np.cos(angle), distance * np.sin(angle), angle]
         choices = [
-            choose_input(COARSE, pose, rates, horizon=HORIZON, p=[0.0, 0.0]).x[0]
-            for rates in ([0.7, -0.7], [-0.7, 0.7])
+            choose_input(gramian, away, rates, **given).x[0] for rates in ([0.7, -0.7], [-0.7, 0.7])
         ]
         assert choices == [0.7, -0.7]
 

@@ -15,6 +15,7 @@ from .exact import ExactGramian
 from .simulated import SimulatedGramian
 
 TIE = 1e-9  # Totals this close, relative, are equal: the order of candidates decides, not rounding
+LOGARITHMS = ("log-det", "blend")  # metrics of which a relative error of W is an absolute one
 REMEDIES = {
     Status.INVALID_INPUT: "a state or a parameter is not finite; check the estimator",
     Status.UNOBSERVABLE: (
@@ -40,9 +41,10 @@ def choose_input(
 
     .. math:: u^* = \arg\min_k \sum_i w_i\, m(W(x_i, p_i, u_k)), \quad \sum_i w_i = 1
 
-    Of totals that are equal but for rounding the first is taken. On the unicycle with heading and
-    squared range it decides as ``obsplan.GramianHorizon``: to 1e-9 with 400 steps at 110 times its
-    cost, to 1e-6 with 50 at 27 (tests/benchmarks/test_general_gramian_benchmarks.py).
+    Of totals that the rounding of the Gramian cannot tell apart the first is taken. On the unicycle
+    with heading and squared range it decides as ``obsplan.GramianHorizon``: to 1e-9 with 400 steps
+    at 110 times its cost, to 1e-6 with 50 at 27
+    (tests/benchmarks/test_general_gramian_benchmarks.py).
 
     Parameters
     ----------
@@ -68,9 +70,9 @@ def choose_input(
 
     Returns
     -------
-    Solution whose ``x`` is the candidate chosen, ``objective`` the total, ``condition`` the
-    condition number of each case. Where no candidate makes every case observable, or a state or
-    parameter is not finite, there is none, and ``status`` says which.
+    Solution whose ``x`` is the candidate chosen, (m,) or (L, m), ``objective`` the total,
+    ``condition`` the condition number of each case. Where no candidate makes every case observable,
+    or a state or parameter is not finite, there is none, and ``status`` says which.
 
     Raises
     ------
@@ -89,16 +91,19 @@ def choose_input(
     each_p = None if p is None else p[:, None]
     W = gramian(x0[:, None], controls, horizon=horizon, p=each_p, t0=t0, R=R)
     counts = shares > 0
-    totals = shares[counts] @ score(metric, W[counts])
-    least = totals.min()
-    if not least < np.inf:
+    scores, condition = score(metric, W[counts]), condition_number(W)
+    totals = shares[counts] @ scores
+    least = int(np.argmin(totals))
+    if not totals[least] < np.inf:
         return Solution.missing(Status.UNOBSERVABLE, inputs[0].size, REMEDIES)
-    best = int(np.argmax(totals <= least + TIE * abs(least)))
+    size = 1.0 if metric in LOGARITHMS else np.abs(scores[:, least])
+    doubt = shares[counts] @ ((TIE + gramian.rounding * condition[counts, least]) * size)
+    best = int(np.argmax(totals <= totals[least] + doubt))
     return Solution(
         x=inputs[best],
         objective=float(totals[best]),
         status=Status.OPTIMAL,
-        condition=condition_number(W[:, best]),
+        condition=condition[:, best],
     )
 
 

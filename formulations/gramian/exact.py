@@ -7,7 +7,7 @@ import inspect
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -219,6 +219,7 @@ class ExactGramian:
 
     function: ca.Function
     refine: Callable[[int], "ExactGramian"] | None
+    rounding: ClassVar[float] = 1e-14  # of entries, relative to the largest
 
     @property
     def steps(self) -> int:

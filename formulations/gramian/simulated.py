@@ -4,8 +4,8 @@ It knows nothing of the model but its values, and is called as an exact one.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float
@@ -35,7 +35,8 @@ class SimulatedGramian:
     # displacement, in the unit of the state, of all or of each
     epsilon: float | Float[np.ndarray, " n"] | Sequence[float] = EPSILON
     # outputs that are angles [rad] and may wrap; others that do are refused
-    angles: Sequence[int] = field(default=())
+    angles: Sequence[int] = ()
+    rounding: ClassVar[float] = 1e-9  # of entries, relative to the largest: over epsilon
 
     def __post_init__(self) -> None:
         if self.steps < 1:
