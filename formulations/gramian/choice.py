@@ -43,7 +43,7 @@ def choose_input(
 
     Of totals that the rounding of the Gramian cannot tell apart the first is taken. On the unicycle
     with heading and squared range it decides as ``obsplan.GramianHorizon``: to 1e-9 with 400 steps
-    at 110 times its cost, to 1e-6 with 50 at 27
+    at 160 times its cost, to 1e-6 with 50 at 40
     (tests/benchmarks/test_general_gramian_benchmarks.py).
 
     Parameters
