@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 _HOME = {
     "ExactGramian": "gramian",
     "METRICS": "metrics",
+    "SimulatedGramian": "gramian",
     "PathInertiaProblem": "path_inertia",
     "Solution": "solution",
     "Status": "solution",
     "blend": "metrics",
+    "choose_input": "gramian",
     "circle_center": "path_inertia",
     "condition_number": "metrics",
     "curvature_condition_number": "path_inertia",
@@ -85,6 +87,8 @@ if TYPE_CHECKING:
     from formulations.fleet import AidVehicle as AidVehicle
     from formulations.fleet import RangedAuv as RangedAuv
     from formulations.gramian import ExactGramian as ExactGramian
+    from formulations.gramian import SimulatedGramian as SimulatedGramian
+    from formulations.gramian import choose_input as choose_input
     from formulations.gramian import empirical_gramian as empirical_gramian
     from formulations.gramian import exact_gramian as exact_gramian
     from formulations.gramian import quadrature_weights as quadrature_weights

@@ -12,12 +12,17 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from numpy.polynomial.legendre import leggauss
 from scipy.integrate import simpson
 
 EPS = float(np.finfo(float).eps)  # spacing of doubles at 1
 # (3.2), (3.9): a position and its constant velocity
 A = np.kron([[0.0, 1.0], [0.0, 0.0]], np.eye(2))
 INTERVALS_PER_TURN = 1000  # of Simpson's rule: error below 1e-10 of the Gramian; even
+NODES_PER_TURN = 12  # of Gauss and Legendre's rule: t² cos 2ωt to rounding
+# Of python-control's one-sided differences. The mean of both sides is the slope of a square for any
+# displacement, and a large one rounds least.
+EPSILON = 1e-3
 TOLERANCES = {"rtol": 1e-13, "atol": 1e-12}  # of python-control's simulation by DOP853
 
 
@@ -162,14 +167,21 @@ class CircleVerdict:
 
     Gramians are of the state (position, velocity).
 
-    ``closed_form`` and ``ours`` (Simpson) are this module's; ``rotating_frame`` (Van Loan by
-    ``c2d``), ``response`` (``initial_response`` and Simpson) and ``simulation`` (a time-varying
-    ``nlsys``) are python-control's.
+    ``closed_form`` and ``ours`` (Simpson) are this module's. The others are python-control's, and
+    what they share with this module is:
+
+    - ``linearised``: the circle and its closed form to compare with, nothing else. A and C are
+      python-control's own linearisation of a nonlinear system, range and motion, along the path
+      that it simulates; Φ is by ``c2d``.
+    - ``rotating_frame`` (Van Loan by ``c2d``), ``response`` (``initial_response`` and Simpson) and
+      ``simulation`` (a time-varying ``nlsys``): A and C themselves, too. They judge Φ and the
+      integral. So do the ranks.
     """
 
     duration: float  # [s]
     closed_form: Float[np.ndarray, "4 4"]
     ours: Float[np.ndarray, "4 4"]
+    linearised: Float[np.ndarray, "4 4"]
     rotating_frame: Float[np.ndarray, "4 4"]
     response: Float[np.ndarray, "4 4"]
     simulation: Float[np.ndarray, "4 4"]
@@ -183,7 +195,7 @@ class CircleVerdict:
         It is relative to each entry's natural size √(Wii Wjj).
         """
         size = np.sqrt(np.outer(np.diag(self.closed_form), np.diag(self.closed_form)))
-        routes = ("ours", "rotating_frame", "response", "simulation")
+        routes = ("ours", "linearised", "rotating_frame", "response", "simulation")
         return {
             route: float(np.max(np.abs(getattr(self, route) - self.closed_form) / size))
             for route in routes
@@ -191,12 +203,13 @@ class CircleVerdict:
 
 
 def validate_circle(radius: float, rate: float, turns: float) -> CircleVerdict:
-    """Ask python-control whether the circle is observable, by routes that share no code with ours.
+    """Ask python-control whether the circle is observable; `CircleVerdict` says what it is told.
 
-    It has no time-varying linear systems. Two routes lead to the right answer: in the frame turning
-    with the beacon the system is exactly time-invariant, and a nonlinear system may depend on time.
-    Testing the rank at a frozen time gives 2 of 4 although the system is observable: C changes, and
-    what is hidden now is seen later.
+    It has no time-varying linear systems. Three ways lead to the right answer: linearising a
+    nonlinear system at many instants; the frame turning with the beacon, in which the system is
+    exactly time-invariant; and a nonlinear system that carries Φ and W. Testing the rank at a
+    frozen time gives 2 of 4 although the system is observable: C changes, and what is hidden now is
+    seen later.
 
     Raises ValueError unless radius [m] and turns are positive and the rate [rad/s] is not zero.
     """
@@ -213,6 +226,7 @@ def validate_circle(radius: float, rate: float, turns: float) -> CircleVerdict:
         duration=duration,
         closed_form=closed_form,
         ours=ltv_gramian(time, _circle(radius, rate, time)),
+        linearised=_in_units(_linearised_gramian(np.sign(rate), unit_time[-1]), radius, rate),
         rotating_frame=_in_units(rotating_frame, radius, rate),
         response=_in_units(response, radius, rate),
         simulation=_in_units(simulation, radius, rate),
@@ -288,12 +302,55 @@ def _simulated_gramian(rate: float, duration: float) -> np.ndarray:
 
     system = _control().nlsys(rates, None, states=32, inputs=1)
     start = np.concatenate([np.eye(4).ravel(), np.zeros(16)])
+    states = _simulated(system, np.array([0.0, duration]), start)
+    return states[16:, -1].reshape(4, 4)
+
+
+def _linearised_gramian(rate: float, duration: float) -> np.ndarray:
+    """Gramian by python-control's linearisation along the path that it simulates."""
+    system = _swimmer(rate)
+    nodes, weights = leggauss(int(np.ceil(NODES_PER_TURN * (1 + duration / (2 * np.pi)))))
+    times = duration * (nodes + 1) / 2
+    instants = np.concatenate([[0.0], times, [duration]])
+    path = _simulated(system, instants, np.array([1.0, 0.0, 0.0, 0.0]))
+    W, Phi = np.zeros((4, 4)), np.eye(4)
+    for k, weight in enumerate(weights * duration / 2, start=1):
+        ahead, behind = (
+            system.linearize(path[:, k], 0.0, t=instants[k], eps=eps) for eps in (EPSILON, -EPSILON)
+        )
+        dynamics, output = (ahead.A + behind.A) / 2, (ahead.C + behind.C) / 2
+        linear = _control().ss(dynamics, np.zeros((4, 1)), output, 0)
+        Phi = _control().c2d(linear, instants[k] - instants[k - 1]).A @ Phi
+        row = output @ Phi
+        W += weight * row.T @ row
+    return W
+
+
+def _swimmer(rate: float) -> Any:
+    """Nonlinear system of the unit circle: a swimmer in a current, and its squared range.
+
+    It is written in numbers, apart from (3.1) above, so that python-control has to find A and C.
+    """
+
+    def swim(t, state, _input, _parameters):
+        east, north = -rate * np.sin(rate * t), rate * np.cos(rate * t)
+        return [east + state[2], north + state[3], 0.0, 0.0]
+
+    def squared_range(_t, state, _input, _parameters):
+        return state[0] ** 2 + state[1] ** 2
+
+    return _control().nlsys(swim, squared_range, states=4, inputs=1, outputs=1)
+
+
+def _simulated(system: Any, instants: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """States of a system that takes no heed of its input, one column per instant."""
     run = _control().input_output_response(
         system,
-        np.array([0.0, duration]),
+        instants[[0, -1]],
         0.0,
         start,
+        t_eval=instants,
         solve_ivp_method="DOP853",
         solve_ivp_kwargs=TOLERANCES,
     )
-    return run.states[16:, -1].reshape(4, 4)
+    return run.states

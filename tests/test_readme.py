@@ -75,7 +75,7 @@ def test_steps_of_readme_are_those_that_are_printed():
     """The commands that the test above runs are what a reader sees, the two that install, and a cluster's, aside."""
     first_words = [step[0] if isinstance(step, list) else "python" for step in steps()]
     own = ["recordings", "replay", "new", "run", "run", "compare"]
-    assert first_words == ["run", *own, "python", "campaign", "campaign-report", "python"]
+    assert first_words == ["run", *own, "python", "python", "campaign", "campaign-report", "python"]
     assert sum(of_a_cluster(text) for _, text in BLOCKS) == 1
 
 

@@ -25,9 +25,10 @@ def empirical_gramian(
     x0: Float[np.ndarray, " n"] | Sequence[float],
     *,
     horizon: float,
-    epsilon: float | Float[np.ndarray, " n"] = EPSILON,
+    epsilon: float | Float[np.ndarray, " n"] | Sequence[float] = EPSILON,
     rule: str = "simpson",
-    R: Float[np.ndarray, "y y"] | None = None,
+    R: Float[np.ndarray, "y y"] | Sequence[Any] | None = None,
+    angles: Sequence[int] = (),
 ) -> Float[np.ndarray, "... n n"]:
     r"""Return the empirical local observability Gramian of whatever ``simulate`` simulates.
 
@@ -45,7 +46,7 @@ def empirical_gramian(
     simulate
         x0 -> outputs (..., samples, y) at equally spaced times over the horizon, both ends
         included: plain Python or a CasADi Function. Leading axes (controls, say) come back as
-        leading axes of W. Angles must not wrap; one that does near ``x0`` is refused.
+        leading axes of W. An angle that wraps near ``x0`` and is not declared is refused.
     horizon
         T [s].
     epsilon
@@ -53,12 +54,15 @@ def empirical_gramian(
         curves.
     rule
         ``left``, ``trapezoid``, ``simpson`` or ``sum``: see :func:`quadrature_weights`.
+    angles
+        Numbers of the outputs that are angles [rad], counted from 0: they may wrap.
 
     Raises
     ------
     ValueError
         If a displacement is not positive, the outputs are not samples x y, one jumps, as an angle
-        does that wraps, or rule, horizon or R are not valid.
+        does that wraps, a declared angle moves by more than a quarter turn or is no output, or
+        rule, horizon or R are not valid.
     """
     x0 = np.asarray(x0, dtype=float)
     steps = np.broadcast_to(np.asarray(epsilon, dtype=float), x0.shape)
@@ -71,11 +75,13 @@ def empirical_gramian(
     differences = []
     for i, (displacement, step) in enumerate(zip(displacements, steps, strict=True)):
         up, down = _outputs(simulate, x0 + displacement), _outputs(simulate, x0 - displacement)
-        if (suspects := _far_apart(up, down)).any():
+        difference = _difference(up, down, angles, state=i)
+        if (suspects := _far_apart(difference, up, down)).any():
             half = displacement / 2
-            nearer = _outputs(simulate, x0 + half) - _outputs(simulate, x0 - half)
-            _refuse_jump(up - down, nearer, suspects, state=i)
-        differences.append((up - down) / (2 * step))
+            inner = _outputs(simulate, x0 + half), _outputs(simulate, x0 - half)
+            nearer = _difference(*inner, angles, state=i)
+            _refuse_jump(difference, nearer, suspects, state=i)
+        differences.append(difference / (2 * step))
     J = np.stack(differences, axis=-1)
     samples, outputs, n = J.shape[-3:]
     weights = np.sqrt(quadrature_weights(samples, horizon, rule))[:, None, None]
@@ -84,10 +90,31 @@ def empirical_gramian(
     return np.swapaxes(F, -1, -2) @ F
 
 
-def _far_apart(up: np.ndarray, down: np.ndarray) -> np.ndarray:
+def _difference(
+    up: np.ndarray, down: np.ndarray, angles: Sequence[int], *, state: int
+) -> np.ndarray:
+    """Return up - down, of declared angles the short way round."""
+    difference = up - down
+    outputs = difference.shape[-1]
+    for angle in angles:
+        if angle not in range(outputs):
+            raise ValueError(
+                f"angles must be numbers of outputs, 0 to {outputs - 1}, got {list(angles)}"
+            )
+        turned = np.remainder(difference[..., angle] + np.pi, 2 * np.pi) - np.pi
+        if (furthest := np.abs(turned).max(initial=0.0)) > np.pi / 2:
+            raise ValueError(
+                f"output {angle}, declared an angle, moves by {furthest:.6g} rad where state "
+                f"{state} is moved; return it in radians, or take a smaller epsilon"
+            )
+        difference[..., angle] = turned
+    return difference
+
+
+def _far_apart(difference: np.ndarray, up: np.ndarray, down: np.ndarray) -> np.ndarray:
     """Where outputs differ by more than half of the greatest value of their kind."""
     greatest = np.maximum(np.abs(up), np.abs(down)).max(axis=-2, keepdims=True)
-    return np.abs(up - down) > 0.5 * greatest
+    return np.abs(difference) > 0.5 * greatest
 
 
 def _refuse_jump(

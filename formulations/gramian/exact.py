@@ -3,10 +3,11 @@
 It is compiled once for any dynamics f and measurement h.
 """
 
+import inspect
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -19,7 +20,7 @@ from .samples import quadrature_weights, whitening_matrix
 UNROLLED_INSTRUCTIONS = 500_000
 MOST_DOUBLINGS = 12  # of the steps, before a Gramian is declared not to converge
 
-Model = Callable[[Any, Any, Any, Any], Any]  # (t, x, u, p) -> column, as CasADi expressions
+Model = Callable[..., Any]  # (t, x, u, p) or (x, u) -> column
 
 
 def exact_gramian(
@@ -49,8 +50,9 @@ def exact_gramian(
     Parameters
     ----------
     f, h
-        f(t, x, u, p) -> dx/dt, or the next state if ``discrete``; h(t, x, u, p) -> y. Written in
-        CasADi (``ca.sin``, not ``np.sin``).
+        f(t, x, u, p) -> dx/dt, or the next state if ``discrete``; h(t, x, u, p) -> y. Without time
+        and parameters f(x, u) and h(x, u). Written in CasADi (``ca.sin``, not ``np.sin``). An
+        angle among the outputs may wrap: its derivative does not.
     n, m, q
         Numbers of states, controls and parameters.
     steps
@@ -66,8 +68,8 @@ def exact_gramian(
     Raises
     ------
     ValueError
-        For an unknown rule, too few steps, substeps of a discrete map, or a model that does not
-        return a column of the right length.
+        For an unknown rule, too few steps, substeps of a discrete map, or a model that is not
+        written in CasADi, does not return a column of the right length, or takes other arguments.
     """
     rule = rule or ("sum" if discrete else "simpson")
     if min(n, steps, substeps) < 1 or min(m, q) < 0:
@@ -79,7 +81,8 @@ def exact_gramian(
         raise ValueError(
             f"a discrete map takes one step per sample, got substeps={substeps}; leave substeps out"
         )
-    step, sample = _stage(f, h, n, m, q, discrete, substeps)
+    timed_f, timed_h = timed("f", f), timed("h", h)
+    step, sample = _stage(timed_f, timed_h, n, m, q, discrete, substeps)
 
     def refine(steps: int) -> ExactGramian:
         return exact_gramian(f, h, n=n, m=m, q=q, steps=steps, rule=rule, substeps=substeps)
@@ -88,6 +91,31 @@ def exact_gramian(
     return ExactGramian(
         function=_horizon(step, sample, steps, rule), refine=refine if refinable else None
     )
+
+
+def timed(name: str, model: Model) -> Model:
+    """Return a model of (t, x, u, p), of one of these or of (x, u); raise ValueError for others."""
+    needed, taken = _arguments(model)
+    if needed == 4:
+        return model
+    if needed == 2 and taken < 4:
+        return lambda _t, x, u, _p: model(x, u)
+    raise ValueError(
+        f"{name} must take (t, x, u, p), or (x, u), none of them by default; "
+        f"got a function that needs {needed} and takes {taken} arguments"
+    )
+
+
+def _arguments(model: Model) -> tuple[int, int]:
+    """How many arguments by position a model needs, and how many it takes."""
+    if isinstance(model, ca.Function):
+        return model.n_in(), model.n_in()
+    parameters = inspect.signature(model).parameters.values()
+    if any(parameter.kind is parameter.VAR_POSITIONAL for parameter in parameters):
+        return 4, 4
+    taken = [parameter for parameter in parameters if parameter.kind is not parameter.KEYWORD_ONLY]
+    needed = [parameter for parameter in taken if parameter.default is parameter.empty]
+    return len(needed), len(taken)
 
 
 def _stage(
@@ -100,9 +128,13 @@ def _stage(
     t, dt, weight = matrix("t"), matrix("dt"), matrix("weight")
     x, u, p, Phi = matrix("x", n), matrix("u", m), matrix("p", q), matrix("Phi", n, n)
     y = _column("h", h(t, x, u, p))
-    x_next = _column("f", f(t, x, u, p), n) if discrete else x
+
+    def rate(t, x):
+        return _column("f", f(t, x, u, p), n)
+
+    x_next = rate(t, x) if discrete else x
     for k in range(0 if discrete else substeps):
-        x_next = _runge_kutta(f, t + k * dt / substeps, x_next, u, p, dt / substeps)
+        x_next = runge_kutta(rate, t + k * dt / substeps, x_next, dt / substeps)
     Phi_next = ca.densify(ca.jtimes(x_next, x, Phi))
     step = ca.Function("step", [x, Phi, t, u, p, dt], [x_next, Phi_next])
     whitening = matrix("whitening", y.numel(), y.numel())
@@ -111,12 +143,8 @@ def _stage(
     return _straightened(step), _straightened(sample)
 
 
-def _runge_kutta(f: Model, t, x, u, p, dt):
-    """Return the state after dt by the classical fourth-order method."""
-
-    def rate(t, x):
-        return _column("f", f(t, x, u, p), x.shape[0])
-
+def runge_kutta(rate: Callable[[Any, Any], Any], t, x, dt):
+    """Return the state after dt by the classical fourth-order method; rate(t, x) -> dx/dt."""
     k1 = rate(t, x)
     k2 = rate(t + dt / 2, x + dt / 2 * k1)
     k3 = rate(t + dt / 2, x + dt / 2 * k2)
@@ -126,7 +154,13 @@ def _runge_kutta(f: Model, t, x, u, p, dt):
 
 def _column(name: str, value: Any, rows: int | None = None) -> ca.MX:
     """Return a model's value as a dense column, or raise ValueError."""
-    value = ca.densify(ca.MX(value))
+    try:
+        value = ca.densify(ca.MX(value))
+    except NotImplementedError:
+        raise ValueError(
+            f"{name} must return a CasADi expression (ca.vertcat, ca.sin, ...), got a "
+            f"{type(value).__name__}; a model in numpy goes to SimulatedGramian, which is slower"
+        ) from None
     if value.shape[1] != 1 or value.shape[0] != (rows or value.shape[0]):
         wanted = f"{rows} x 1, one row per state" if rows else "a column, one row per output"
         raise ValueError(
@@ -185,6 +219,7 @@ class ExactGramian:
 
     function: ca.Function
     refine: Callable[[int], "ExactGramian"] | None
+    rounding: ClassVar[float] = 1e-14  # of entries, relative to the largest
 
     @property
     def steps(self) -> int:
@@ -199,7 +234,7 @@ class ExactGramian:
         horizon: float,
         p: Float[np.ndarray, "... q"] | Sequence[Any] | None = None,
         t0: float = 0.0,
-        R: Float[np.ndarray, "y y"] | None = None,
+        R: Float[np.ndarray, "y y"] | Sequence[Any] | None = None,
     ) -> Float[np.ndarray, "... n n"]:
         """Evaluate W about the trajectory from ``x0`` at time ``t0`` [s] over ``horizon`` [s].
 
@@ -280,7 +315,7 @@ class ExactGramian:
         horizon: float,
         p: Any = None,
         t0: float = 0.0,
-        R: np.ndarray | None = None,
+        R: Any = None,
     ) -> np.ndarray:
         """Evaluate one output of the Function for all cases at once, through one buffer."""
         if not (horizon > 0 and math.isfinite(horizon)):
@@ -288,8 +323,8 @@ class ExactGramian:
         n, m, q = (self.function.size1_in(i) for i in range(3))
         steps = self.steps
         x0 = np.asarray(x0, dtype=float)
-        u = _given(u, "controls u", (1, m))
-        p = _given(p, "parameters p", (q,))
+        u = given(u, "controls u", (1, m))
+        p = given(p, "parameters p", (q,))
         batch = np.broadcast_shapes(x0.shape[:-1], u.shape[:-2], p.shape[:-1])
         cases = [
             _cases("x0", x0, batch, (n,)),
@@ -316,7 +351,7 @@ class ExactGramian:
         return np.swapaxes(result, -1, -2).reshape(*batch, rows, n)
 
 
-def _given(value: Any, name: str, shape: tuple[int, ...]) -> np.ndarray:
+def given(value: Any, name: str, shape: tuple[int, ...]) -> np.ndarray:
     """Return the value, or an empty one if none is needed; raise ValueError if one is."""
     if value is not None:
         return np.asarray(value, dtype=float)

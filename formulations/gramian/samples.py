@@ -4,6 +4,8 @@ It is the same for every Gramian, so that Gramians compare entry by entry.
 """
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -60,13 +62,16 @@ def _simpson(intervals: int) -> Float[np.ndarray, " samples"]:
     return weights
 
 
-def whitening_matrix(R: Float[np.ndarray, "y y"] | None, outputs: int) -> Float[np.ndarray, "y y"]:
+def whitening_matrix(
+    R: Float[np.ndarray, "y y"] | Sequence[Any] | None, outputs: int
+) -> Float[np.ndarray, "{outputs} {outputs}"]:
     """Return S with S'S = R^(-1), the inverse of R's lower Cholesky factor; the identity without R.
 
     Raises ValueError unless R is a finite, symmetric, positive definite matrix of the outputs.
     """
     if R is None:
         return np.eye(outputs)
+    R = np.asarray(R, dtype=float)
     if R.shape != (outputs, outputs):
         raise ValueError(
             f"R must be {outputs} x {outputs}, one row per output, got shape {R.shape}"

@@ -11,13 +11,21 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from formulations import condition_number, empirical_gramian, exact_gramian
+import obsplan as op
+from formulations import (
+    SimulatedGramian,
+    choose_input,
+    condition_number,
+    empirical_gramian,
+    exact_gramian,
+)
 
 POSE, HORIZON = np.array([1.0, 0.0, np.pi / 2]), 2.1
 RATES = np.linspace(-2.0, 2.0, 21)
 BEST_RATE, BEST_CONDITION = 1.4, 8.879  # by the continuous integral over 2π/3
 EPSILON = 1e-4  # of central differences
 decision = pytest.mark.benchmark(group="reference decision, 21 rates, 21 steps")
+planned = pytest.mark.benchmark(group="one decision of any model, 21 rates, 1 AUV")
 growth = pytest.mark.benchmark(group="growth with steps, 21 rates")
 
 
@@ -79,6 +87,51 @@ def test_growth_of_exact(benchmark, steps):
 @pytest.mark.parametrize("rates", [21, 201])
 def test_growth_of_exact_with_rates(benchmark, rates):
     check(benchmark(exact_decision, compiled(21), np.linspace(-2.0, 2.0, rates)))
+
+
+# --- a planner of any model, beside the one that knows its unicycle -----------------------------------------------------------------
+
+
+PLANNER = op.GramianHorizon(op.Situation(op.Unicycle(speed=1.0, min_turn_radius=0.5)))
+
+
+def range_to(t, x, u, p):  # noqa: ARG001
+    return [x[2], (x[0] - p[0]) ** 2 + (x[1] - p[1]) ** 2]
+
+
+def check_choice(choice):
+    assert choice.x[0] == pytest.approx(BEST_RATE, abs=1e-9)
+    assert choice.objective == pytest.approx(BEST_CONDITION, abs=5e-4)
+
+
+def choose(gramian):
+    return choose_input(gramian, POSE, PLANNER.candidates, horizon=PLANNER.look_ahead, p=[0.0, 0.0])
+
+
+@planned
+def test_planner_in_closed_form(benchmark):
+    decision = benchmark(PLANNER.plan, op.Pose(*POSE), [op.Belief.at(0.0, 0.0)])
+    assert decision.turn_rate == pytest.approx(BEST_RATE, abs=1e-9)
+
+
+@planned
+@pytest.mark.parametrize("steps", [50, 400])  # agree with it to 1e-6 and to 1e-9
+def test_choice_by_an_exact_gramian(benchmark, steps):
+    gramian = exact_gramian(
+        lambda x, u: ca.vertcat(ca.cos(x[2]), ca.sin(x[2]), u),
+        lambda t, x, u, p: ca.vertcat(*range_to(t, x, u, p)),
+        n=3,
+        m=1,
+        q=2,
+        steps=steps,
+    )
+    check_choice(benchmark(choose, gramian))
+
+
+@planned
+def test_choice_by_a_simulated_gramian_in_numpy(benchmark):
+    gramian = SimulatedGramian(f=lambda x, u: unicycle(x, u[0]), h=range_to, steps=50)
+    check_choice(benchmark.pedantic(choose, args=(gramian,), rounds=3, warmup_rounds=1))
 
 
 # --- empirical ----------------------------------------------------------------------------------------------------------------------
