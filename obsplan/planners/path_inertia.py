@@ -104,7 +104,8 @@ class PathInertia:
         offset, square_distance = lateral_offset(x1, x2, pose[2]), x1**2 + x2**2
         mean_offset, r_min = offset @ weight, cna.min_turn_radius
         if self.objective == "difference":
-            radius, clipped = path_inertia_radius(mean_offset, self.gamma, r_min)
+            distance = ca.sqrt(square_distance @ weight)
+            radius, clipped = path_inertia_radius(mean_offset, self.gamma, r_min, distance)
             curvature = 1 / radius
         else:
             curvature, clipped = path_inertia_curvature(
