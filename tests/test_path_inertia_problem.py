@@ -155,10 +155,11 @@ def test_routes_agree_in_the_dead_zone_on_its_edges_and_on_ties(gamma):
 def test_dead_zone_is_left_by_the_sign_of_the_offset_and_to_the_left_on_a_tie(name):
     problem = PathInertiaProblem(min_radius=0.5, gamma=1.0, solver=name)
     for offset, radius in (
-        (1e-9, 0.5),
-        (-1e-9, -0.5),
+        (1e-6, 0.5),
+        (-1e-6, -0.5),
         (0.2, 0.5),
         (-0.2, -0.5),
+        (-1e-12, 0.5),  # of rounding
         (0.0, 0.5),
         (-0.0, 0.5),
     ):

@@ -1,14 +1,15 @@
 """Path inertia as a convex problem that is compiled once and then solved decision by decision."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from formulations.model.ties import TIE
 from formulations.path_inertia.closed_form import lateral_offset, offsets
 from formulations.path_inertia.program import (
     Certificate,
@@ -44,6 +45,7 @@ class Criterion(NamedTuple):
     threshold: float
     scale: float
     constant: float
+    rounding: float  # of the center
 
 
 class Turn(NamedTuple):
@@ -84,7 +86,7 @@ class PathInertiaProblem:
     right turns and left turns; the convex problem is solved over the interval that spans them, and
     a turn in the gap between them goes to the better of its two ends: last, exactly, and by the
     sign of the mean offset b̄ (with ρ: of the centre it shares with the last turn), left where that
-    is zero. The turning limit itself is such a gap for radii and a true constraint for curvatures.
+    is zero but for rounding. The turning limit itself is such a gap for radii and a true constraint for curvatures.
 
     γ ≥ 0 weighs distance against observability in ``difference`` and has no part in the other,
     whose optimum already weighs them. ρ ≥ 0 is ``change_weight``: a number for radii, in m² for
@@ -190,18 +192,22 @@ class PathInertiaProblem:
         half_curve = 1 + self.gamma + rho
         center = ((1 + self.gamma) * offset + rho * last) / half_curve
         constant = self.gamma * square_distance + rho * last**2 - half_curve * center**2
-        return Criterion(center, self.gamma / (2 * half_curve), 2 * half_curve, constant)
+        size = (1 + self.gamma) * (math.sqrt(square_distance) + self.min_radius)
+        rounding = TIE * (size + rho * abs(last)) / half_curve
+        threshold = self.gamma / (2 * half_curve)
+        return Criterion(center, threshold, 2 * half_curve, constant, rounding)
 
     def _condition_number(
         self, offset: float, square_distance: float, last_radius: float | None
     ) -> Criterion:
         rho, last = (0.0, 0.0) if last_radius is None else (self.change_weight, 1 / last_radius)
         half_curve = 2 * square_distance + rho
-        center = 0.0  # on top of every AUV: straight on
-        if half_curve:
+        center, rounding = 0.0, TIE / self.min_radius
+        if rho or square_distance > (TIE * self.min_radius) ** 2:
             center = (2 * offset + rho * last) / half_curve
-        constant = 3 + rho * last**2 - half_curve * center**2
-        return Criterion(center, 0.0, 2 * half_curve, constant)
+            rounding += TIE * (2 * math.sqrt(square_distance) + rho * abs(last)) / half_curve
+        constant = 3 + rho * last**2 - half_curve * center**2  # on top of every AUV: straight on
+        return Criterion(center, 0.0, 2 * half_curve, constant, rounding)
 
     def _turns(self, positions: Float[np.ndarray, "auvs 2"], heading: float) -> list[Side]:
         """Return what the limits leave of right and left turns, as radii or curvatures."""
@@ -229,8 +235,9 @@ class PathInertiaProblem:
         center, threshold = criterion.center, criterion.threshold
         hull = TurnProgram(center, threshold, sides[0][0], sides[-1][1]).bounded()
         reach = self.tolerance * hull.scale
-        by_hand = _turn(hull, sides, hull.optimum(), reach)
-        turn = self._asked(hull, sides, reach) or by_hand
+        better = partial(_turn, hull, sides, reach=reach, rounding=criterion.rounding)
+        by_hand = better(hull.optimum())
+        turn = self._asked(hull, better) or by_hand
         error = turn.error(hull.value(turn.x) - hull.value(by_hand.x))
         failed = not error <= WRONG * hull.scale
         if failed:
@@ -252,14 +259,14 @@ class PathInertiaProblem:
             remedies=REMEDIES,
         )
 
-    def _asked(self, hull: TurnProgram, sides: list[Side], reach: float) -> Turn | None:
+    def _asked(self, hull: TurnProgram, better: Callable[[Point], Turn]) -> Turn | None:
         """The solver's turn, of nan if it raised; None where there is no solver."""
         if self.compiled is TurnProgram.optimum:
             return None
         try:
             point = self.compiled(hull)
             if math.isfinite(point.x):
-                return _turn(hull, sides, point, reach)
+                return better(point)
         except Exception:  # whatever a solver stumbles over, the closed form does not
             pass
         return Turn(math.nan, False, Certificate(math.nan, math.nan, math.nan))
@@ -270,9 +277,12 @@ class PathInertiaProblem:
         return abs(x) == limit
 
 
-def _turn(hull: TurnProgram, sides: list[Side], point: Point, reach: float) -> Turn:
+def _turn(
+    hull: TurnProgram, sides: list[Side], point: Point, *, reach: float, rounding: float
+) -> Turn:
     """Clip a solution of the hull to the better side, and certify what comes of it."""
-    side = TurnProgram(hull.center, hull.threshold, *hull.choose_side(point.x, sides))
+    taken = hull.choose_side(point.x, sides, rounding)
+    side = TurnProgram(hull.center, hull.threshold, *taken)
     x = min(max(point.x, side.lower), side.upper)
     end = side.lower if x - side.lower < side.upper - x else side.upper
     pressed = abs(x - end) <= reach and side.presses(end)
