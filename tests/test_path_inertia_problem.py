@@ -9,6 +9,7 @@ from scipy.optimize import minimize_scalar
 
 import formulations as fm
 from formulations import PathInertiaProblem, Status
+from formulations.path_inertia.printed import PrintedProgram
 from formulations.path_inertia.program import Point, TurnProgram
 from formulations.path_inertia.solvers import REDUCED, SOLVERS
 
@@ -422,6 +423,35 @@ def test_an_answer_does_not_depend_on_the_decisions_before_it(name):
             *[(0.0, 2.0), (-0.5, 0.5)][rng.integers(2)],
         ).bounded()
         assert used(program) == REDUCED[name](True)(program)  # to the last bit, multipliers too
+
+
+@pytest.mark.parametrize("name", ["cvxpy-osqp", "cvxpy-clarabel"])
+def test_a_kept_cvxpy_program_answers_as_a_new_one(name):
+    used = PathInertiaProblem(min_radius=0.5, gamma=0.7, solver=name)
+    for positions, heading, weights, _ in decisions(8, 6):
+        fresh = PathInertiaProblem(min_radius=0.5, gamma=0.7, solver=name)
+        answers = [one.solve(positions, heading, weights).x[0] for one in (used, fresh)]
+        assert answers[0] == answers[1]
+
+
+def test_what_cvxpy_reads_is_the_sum_over_auvs_as_printed(variant):
+    """Its own value at any turn, less that at another: what does not depend on the turn is out."""
+    problem = PathInertiaProblem(min_radius=0.5, **variant)
+    by_curvature, unit, radii = "objective" in variant, 2.5, np.array([-3.0, 0.6, 7.0])
+    free = {name: value for name, value in variant.items() if not name.startswith("max")}
+    for decision in decisions(13, 6):
+        positions, heading, weights, last = decision
+        geometry = positions, heading, weights / weights.sum(), last
+        told = problem._sum(problem._criterion(*geometry), *geometry)
+        printed = PrintedProgram(len(positions), problem.objective, problem.gamma)
+        printed._tell(told, TurnProgram(2.0, 0.1, -9.0, 9.0), unit)
+        values = []
+        for turn in 1 / radii if by_curvature else radii:
+            for variable in printed.problem.variables():
+                variable.value = (abs(turn) if variable.name() == "size" else turn) / unit
+            values.append(printed.problem.objective.value * told.bend * unit**2)
+        expected = stated(free, decision, radii)
+        np.testing.assert_allclose(np.diff(values), np.diff(expected), rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", SOLVERS)

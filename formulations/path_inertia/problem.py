@@ -167,17 +167,8 @@ class PathInertiaProblem:
         if not math.isfinite(heading + total):  # a sum of squares: what is not finite stays
             return Solution.missing(Status.INVALID_INPUT)
         if total <= (TIE * self.min_radius) ** 2:  # on top of every AUV: rounding says no side
-            positions, total = np.zeros_like(positions), 0.0
-        x1, x2 = (shares @ positions).tolist()
-        offset = lateral_offset(x1, x2, heading)  # linear: that of the mean is the mean one
-        if weights is None:
-            square_distance = total / n
-        else:
-            square_distance = float(np.vdot(shares[:, None] * positions, positions))
-        if self.objective == "difference":
-            criterion = self._inertia_difference(offset, square_distance, last_radius)
-        else:
-            criterion = self._condition_number(offset, square_distance, last_radius)
+            positions = np.zeros_like(positions)
+        criterion = self._criterion(positions, heading, shares, last_radius)
         if not math.isfinite(criterion.center):
             return Solution.missing(Status.INVALID_INPUT)
         sides = self._turns(positions, heading)
@@ -209,6 +200,21 @@ class PathInertiaProblem:
         if self.objective == "condition-number":
             return self.change_weight, 1 / last_radius
         return (0.0, 0.0) if math.isinf(last_radius) else (self.change_weight, last_radius)
+
+    def _criterion(
+        self,
+        positions: Float[np.ndarray, "auvs 2"],
+        heading: float,
+        shares: Float[np.ndarray, " auvs"],
+        last_radius: float | None,
+    ) -> Criterion:
+        """The sum over AUVs reduced to one number, its two moments being all that it hangs on."""
+        x1, x2 = (shares @ positions).tolist()
+        offset = lateral_offset(x1, x2, heading)  # linear: that of the mean is the mean one
+        square_distance = float(np.vdot(shares[:, None] * positions, positions))
+        if self.objective == "difference":
+            return self._inertia_difference(offset, square_distance, last_radius)
+        return self._condition_number(offset, square_distance, last_radius)
 
     def _inertia_difference(
         self, offset: float, square_distance: float, last_radius: float | None

@@ -17,7 +17,7 @@ from formulations.path_inertia import (
     path_inertia_radius,
 )
 from formulations.solution import Status
-from obsplan.planning.checks import check_situation
+from obsplan.planning.checks import check_choices, check_situation
 from obsplan.planning.expressions import Command, Symbolic, Targets, Vectorized, decide
 from obsplan.planning.fallback import predict_path, unusable
 from obsplan.planning.situation import Situation
@@ -38,8 +38,10 @@ class PathInertia:
 
     Without further limits the decision is a closed form, and part of the simulator's step. The
     limits and the penalty on change make it a convex program, solved at each decision by the
-    solver named. Where no turn satisfies the limits, the turn without them is taken and the
-    status says so.
+    solver named. All find the same turn; a solver that fails, or whose answer its residuals
+    refute, is replaced by the closed form, and the status says so. Where no turn satisfies the
+    limits, the turn without them is taken and the status says so. Straight ahead of the AUVs
+    or away from them both sides are equally good: it turns left.
     """
 
     condition_label = "κ(J)"
@@ -55,7 +57,8 @@ class PathInertia:
         "difference"
     )
     solver: Annotated[
-        Literal["closed-form", "osqp", "clarabel"], "how the convex program is solved"
+        Literal["closed-form", "osqp", "clarabel", "cvxpy-osqp", "cvxpy-clarabel"],
+        "what solves the convex program; cvxpy takes it as printed, others reduced to one number",
     ] = "closed-form"
     change_weight: Annotated[
         float,
@@ -71,6 +74,7 @@ class PathInertia:
 
     def __post_init__(self) -> None:
         check_situation(self)
+        check_choices(self)
         _ = problem(self)  # its limits are checked there
 
     @property
