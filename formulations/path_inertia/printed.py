@@ -111,7 +111,7 @@ class PrintedProgram:
 
 
 class Cvxpy:
-    """The printed program handed to one of cvxpy's solvers; one is built for each number of AUVs."""
+    """The printed program and one of cvxpy's solvers; built once for each number of AUVs."""
 
     def __init__(self, objective: str, gamma: float, options: dict[str, Any]):
         self._objective, self._gamma, self._options = objective, gamma, options

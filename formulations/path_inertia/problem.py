@@ -87,7 +87,11 @@ class PathInertiaProblem:
     right turns and left turns; the convex problem is solved over the interval that spans them, and
     a turn in the gap between them goes to the better of its two ends: last, exactly, and by the
     sign of the mean offset b̄ (with ρ: of the centre it shares with the last turn), left where that
-    is zero but for rounding. The turning limit itself is such a gap for radii and a true constraint for curvatures.
+    is zero but for rounding. The turning limit itself is such a gap for radii and a true constraint
+    for curvatures.
+
+    ``closed-form``, ``osqp`` and ``clarabel`` solve the sum reduced to one number (`TurnProgram`);
+    ``cvxpy-osqp`` and ``cvxpy-clarabel`` take it as it is printed (`PrintedProgram`).
 
     γ ≥ 0 weighs distance against observability in ``difference`` and has no part in the other,
     whose optimum already weighs them. ρ ≥ 0 is ``change_weight``: a number for radii, in m² for

@@ -1,7 +1,7 @@
 """Solvers, compiled once and fed: OSQP and Clarabel of the turn program, cvxpy of the printed sum.
 
-The first two take the program seen from its centre (``Deviation``) as a quadratic program in (u, y, t), the
-absolute value by its epigraph:
+The first two take the program seen from its centre (``Deviation``) as a quadratic program in
+(u, y, t), the absolute value by its epigraph:
 
     minimise ½y² + τt  subject to  u − t ≤ 0,  −u − t ≤ fold,  lower ≤ u ≤ upper,  u − y = 0
 

@@ -64,8 +64,8 @@ class GramianHorizon:
 
     Algorithms 1 and 2 of the thesis. Candidates are spread evenly between the turning limits and
     tried from left to right; of equal ones the leftmost is taken, where equal is what the rounding
-    of the Gramian cannot tell apart. ``score`` is the aggregated metric, lower is better. Where no candidate makes every AUV observable the vehicle goes
-    straight on.
+    of the Gramian cannot tell apart. ``score`` is the aggregated metric, lower is better. Where no
+    candidate makes every AUV observable the vehicle goes straight on.
 
     The defaults are the thesis's: AUVs at rest, ranges all the time, a horizon of two thirds of
     the smallest circle, the unscaled Gramian of the squared range. The options depart from it:
