@@ -21,7 +21,7 @@ from formulations.model.ties import TIE
 from formulations.solution import Status
 from obsplan.constraints import Constraints
 from obsplan.planning.candidates import first_of_the_best
-from obsplan.planning.checks import check_choices, check_situation
+from obsplan.planning.checks import check_situation
 from obsplan.planning.expressions import (
     Command,
     Symbolic,
@@ -123,7 +123,6 @@ class GramianHorizon:
 
     def __post_init__(self) -> None:
         check_situation(self)
-        check_choices(self)
         if self.gramian == "empirical" and (self.motion, self.sampling) != (
             "at-rest",
             "continuous",

@@ -13,7 +13,7 @@ from formulations.model.covariance import DEPTH, Tracks
 from formulations.model.schedule import Stages
 from formulations.solution import Solution, Status
 from obsplan.constraints import Constraints
-from obsplan.planning.checks import check_choices, check_situation
+from obsplan.planning.checks import check_situation
 from obsplan.planning.companion import Companion, Turns, told
 from obsplan.planning.fallback import straight_on, unusable
 from obsplan.planning.limits import LimitsAhead, positions_ahead
@@ -76,7 +76,6 @@ class InformationHorizon:
 
     def __post_init__(self) -> None:
         check_situation(self)
-        check_choices(self)
         if self.turn_rates < 3 or self.turn_rates % 2 == 0:
             raise ValueError(
                 "turn_rates must be odd and at least 3, straight on and pairs, "

@@ -17,7 +17,7 @@ from formulations.path_inertia import (
     path_inertia_radius,
 )
 from formulations.solution import Status
-from obsplan.planning.checks import check_choices, check_situation
+from obsplan.planning.checks import check_situation
 from obsplan.planning.expressions import Command, Symbolic, Targets, Vectorized, decide
 from obsplan.planning.fallback import predict_path, unusable
 from obsplan.planning.situation import Situation
@@ -74,7 +74,6 @@ class PathInertia:
 
     def __post_init__(self) -> None:
         check_situation(self)
-        check_choices(self)
         _ = problem(self)  # its limits are checked there
 
     @property
