@@ -8,7 +8,7 @@ dataclasses by `check_quantities` when they are made.
 from dataclasses import dataclass
 from functools import lru_cache
 from numbers import Real
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,18 +66,40 @@ def quantity_of(hint: Any) -> Quantity | None:
 
 
 def check_quantities(made: object) -> None:
-    """Refuse a number that is out of the range its dataclass's field has.
+    """Refuse a number that is out of the range its dataclass's field has, or a name that is none.
 
     Raises
     ------
     ValueError
-        Naming the field, the range and the value.
+        Naming the field, the range or the choices, and the value.
     """
+    check_choices(made)
     for name, quantity in _quantities(type(made)).items():
         value = getattr(made, name)
         for number in value if isinstance(value, tuple | list) else (value,):
             if number is not None and number not in quantity:
                 raise ValueError(f"{name} must be {quantity}, got {number}")
+
+
+def check_choices(made: object) -> None:
+    """Refuse a value that is none of the names that its dataclass's field may have.
+
+    Raises
+    ------
+    ValueError
+        Naming the field, the choices and the value.
+    """
+    for name, choices in _choices(type(made)).items():
+        given = getattr(made, name)
+        if given not in choices:
+            raise ValueError(f'{name} must be one of {", ".join(choices)}, got "{given}"')
+
+
+@lru_cache(maxsize=64)
+def _choices(cls: type) -> dict[str, tuple[str, ...]]:
+    """The fields that are one of a few names."""
+    hints = get_type_hints(cls)
+    return {name: get_args(hint) for name, hint in hints.items() if get_origin(hint) is Literal}
 
 
 @lru_cache(maxsize=64)

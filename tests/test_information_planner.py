@@ -157,7 +157,7 @@ def team(*, length=1.0, time=1.0):
     walks = np.array([0.05 * length, 0.002, 0.01 * length / time]) / math.sqrt(time)
     return [
         op.Belief(
-            mean=np.array([20.0 * i * length, 0.0, 0.3, 0.0]),
+            mean=np.array([20.0 * i * length, 0.0, 0.0, 0.0]),
             covariance=np.diag(sigma**2),
             process_noise=tuple(walks.tolist()),
         )

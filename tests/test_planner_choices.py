@@ -25,6 +25,26 @@ def test_path_inertia_refuses_a_gamma_below_zero(gamma):
         op.PathInertia(op.Situation(CNA), gamma=gamma)
 
 
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        (
+            lambda: op.PathInertia(
+                op.Situation(op.Unicycle(speed=1.0, min_turn_radius=0.5)), solver="oqsp"
+            ),
+            'solver must be one of closed-form, osqp, .*, got "oqsp"',
+        ),
+        (
+            lambda: op.Lawnmower(legs=2, length=9.0, spacing=1.0, side="up"),
+            'side must be one of left, right, got "up"',
+        ),
+    ],
+)
+def test_a_misspelt_choice_given_from_python_is_refused_by_name(made, message):
+    with pytest.raises(ValueError, match=message):
+        made()
+
+
 def test_path_inertia_scores_with_the_condition_number_of_the_inertia_of_its_circle():
     rng = np.random.default_rng(14)
     for objective in ("difference", "condition-number"):

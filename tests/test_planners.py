@@ -6,7 +6,7 @@ from typing import Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 import pytest
-from oracles import Spy, arc, recording, scenario
+from oracles import Spy, arc, recording, scenario, told
 
 import obsplan as op
 from formulations.solution import Status
@@ -27,6 +27,7 @@ COSTLY = {
     "whole-mission",
     "rolling",
     "empirical",
+    "cvxpy-osqp",
 }  # planners and choices that take a second or so to build or to decide
 FEW = {"whole-mission": {"starts": 2}, "rolling": {"starts": 2}}  # options that make searches short
 WORLDS = 3  # that a costly one is asked of
@@ -226,6 +227,60 @@ def test_planner_turns_with_the_world(name, options):
         np.testing.assert_allclose(
             elsewhere.condition, here.condition, rtol=1e-3
         )  # empirical: 1e-10 / epsilon, times the condition
+
+
+# Worlds that are their own mirror image, or have no direction at all: the aid vehicle's place, on its
+# way east, and each AUV's place, heading [rad] and speed [m/s].
+TIES = {
+    "away from it": ((60.0, 0.0), [(0.0, 0.0, 0.0, 0.0)]),
+    "towards it": ((-20.0, 0.0), [(0.0, 0.0, 0.0, 1.0)]),
+    "far away": ((300.0, 0.0), [(0.0, 0.0, 0.0, 0.0)]),
+    "on top": ((0.0, 0.0), [(0.0, 0.0, 0.0, 0.0)]),
+    "between two": ((0.0, 0.0), [(10.0, 6.0, 0.0, 1.0), (10.0, -6.0, 0.0, 1.0)]),
+    "beside two that part": ((0.0, 0.0), [(10.0, 6.0, 0.0, 1.0), (10.0, 6.0, math.pi, 1.0)]),
+}
+ANGLES = 2.0 * math.pi * np.arange(24) / 24
+UNTURNED = {"random", "stationary", "whole-mission", "rolling"}  # by the surveys, or not by AUVs
+
+
+def turned_tie(place, auvs, angle):
+    """A world of ``TIES`` seen from axes that are turned."""
+    R, believed = rotation(angle), []
+    for *at, heading, speed in auvs:
+        covariance = np.diag([4.0, 4.0, 0.01, 0.04])
+        x, y = (R @ at).tolist()
+        believed.append(
+            op.Belief.at(x, y, heading=heading + angle, speed=speed, covariance=covariance)
+        )
+    x, y = (R @ place).tolist()
+    return op.Pose(x, y, angle), believed
+
+
+@every_planner
+def test_ties_are_decided_alike_wherever_north_is(name, options):
+    if name in UNTURNED:
+        return
+    cna = op.Unicycle(speed=2.0, min_turn_radius=5.0)
+    given = {"center": (0.0, 0.0), "radius": 20.0} if name == "circle" else options
+    planner = told(planner_class(name), cna, ping_interval=2.0, sigma=1.0, **given)
+    angles = ANGLES[:: 4 if costly(name, options) else 1]
+    for which, tie in TIES.items():
+        decisions = [planner.plan(*turned_tie(*tie, angle)) for angle in angles]
+        turns = [decision.turn_rate for decision in decisions]
+        close = {"atol": TURN_TOLERANCE.get(name, 1e-9), "err_msg": which}
+        np.testing.assert_allclose(turns, turns[0], **close)
+        assert len({decision.status for decision in decisions}) == 1, which
+
+
+@pytest.mark.parametrize("solver", ["closed-form", "osqp", "clarabel"])
+def test_path_inertia_turns_left_on_a_tie_and_right_a_hair_beside_it(solver):
+    cna = op.Unicycle(speed=1.0, min_turn_radius=0.5)
+    planner = op.PathInertia(op.Situation(cna), solver=solver)
+    for angle in ANGLES:
+        for beside, turn in ((0.0, 2.0), (1e-6, 2.0), (-1e-6, -2.0)):
+            pose, believed = turned_tie((2.0, 0.0), [(0.0, 0.0, 0.0, 0.0)], angle)
+            pose = replace(pose, heading=pose.heading + beside)
+            assert planner.plan(pose, believed).turn_rate == pytest.approx(turn)
 
 
 @every_planner

@@ -64,11 +64,13 @@ __attribute__((noinline)) void branch(int64_t count, const double* told, struct 
   }
 }
 
-/* Whole numbers in the order of costs; what is no number counts as dearest. */
+/* Whole numbers in the order of costs without their last bits: rounding decides between no two.
+   What is no number counts as dearest. */
 static int64_t key_of(double cost) {
   int64_t bits;
   cost += 0.0; /* of two zeros none is cheaper */
   memcpy(&bits, &cost, sizeof bits);
+  if (cost == cost) bits = (bits + ((int64_t)1 << (DROPPED - 1))) & -((int64_t)1 << DROPPED);
   const int64_t key = bits < 0 ? bits ^ INT64_MAX : bits;
   return cost == cost ? key : INT64_MAX;
 }

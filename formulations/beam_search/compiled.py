@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from ..model.casadi import address
 from ..model.compiler import compiled_library
 from ..model.lanes import LANES, in_lanes, vectors
+from ..model.ties import DROPPED
 from .branching import AUV, STAGE, Kind, composed, of_one
 
 INTEGER, POINTER = ctypes.c_int64, ctypes.c_void_p
@@ -47,6 +48,7 @@ def source(kind: Kind) -> str:
         "STAGE": len(STAGE),
         "SHARE": STAGE.index("share"),
         "WEIGHT": AUV.index("weight"),
+        "DROPPED": DROPPED,
     }
     defined = "".join(f"#define {name} {size}\n" for name, size in sizes.items())
     poses = in_lanes(composed(kind.turns), shared=[1])

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..model.arcs import arcs
+from ..model.ties import rounded
 from .limits import Limits, Looking, look_function
 
 LOOKS = np.arange(1, 9) / 8  # parts of a stage after which it is held against the constraints
@@ -101,9 +102,10 @@ def _ways(
 
 
 def cheapest(cost: Float[np.ndarray, " n"], count: int) -> Int[np.ndarray, " some"]:
-    """The cheapest branches, in their own order; of equals those that come first."""
+    """The cheapest branches, in their own order; of equals, but for rounding, the first."""
     if cost.size <= count:
         return np.arange(cost.size)
+    cost = rounded(cost)
     ordered = cost.copy()
     ordered.partition(count - 1)
     dearer = cost > ordered[count - 1]  # what is no number counts as dearest, and is not dearer
@@ -124,6 +126,7 @@ def best(
 
     No more are looked at than it takes to know the best.
     """
+    first, cost = rounded(first), rounded(cost)
     order = np.lexsort((cost, worst, first))
     if look is None:
         return order[:count], worst

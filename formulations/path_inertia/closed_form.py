@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..model.frames import to_body
+from ..model.ties import TIE
 
 Scalar = Any
 """A float, a numpy array or a CasADi expression."""
@@ -60,7 +61,7 @@ def radius_threshold(gamma: Scalar) -> Scalar:
 
 
 def path_inertia_radius(
-    mean_offset: Scalar, gamma: Scalar, min_radius: Scalar
+    mean_offset: Scalar, gamma: Scalar, min_radius: Scalar, distance: Scalar = 0.0
 ) -> tuple[Scalar, Scalar]:
     r"""Return the radius of least inertia difference, and whether the turning limit is applied.
 
@@ -71,11 +72,22 @@ def path_inertia_radius(
     Σ w b, Σ w = 1. Where (3.22) rounds "to the nearest of ± minimum radius" this takes the sign of
     the mean offset, and left (+) where that is zero: the penalty can shrink the free optimum to 0,
     whose sign says nothing. γ ≥ 0 weighs the squared centre distance [m²] and, per metre, |r|.
+    ``distance`` [m], of the AUVs' order, is what offsets are made of: one of less than `TIE` of it
+    is zero, and so is one of less than `TIE` of the turning radius.
     """
     free = abs(mean_offset) - radius_threshold(gamma)
-    clipped = free < min_radius
-    side = (mean_offset >= 0) * 2 - 1
-    return side * (free * (1 - clipped) + min_radius * clipped), clipped
+    below = free < min_radius
+    side = leftward(mean_offset, distance + min_radius)
+    radius = side * (free * (1 - below) + min_radius * below)
+    return radius, free < min_radius * (1 - TIE)
+
+
+def leftward(mean_offset: Scalar, size: Scalar) -> Scalar:
+    """Return 1 for a mean offset [m] to the left, -1 for one to the right.
+
+    It is 1 where the offset is zero but for rounding, which is relative to a size [m].
+    """
+    return (mean_offset >= -TIE * size) * 2 - 1
 
 
 def path_inertia_curvature(
@@ -86,14 +98,15 @@ def path_inertia_curvature(
     .. math:: k^* = \frac{\sum w b}{\sum w d^2}, \quad |k| \le 1 / r_{\min}
 
     The exact minimiser of Σ w κ(J) = 1 + 2 Σ w (d²k² − 2bk + 1), a convex quadratic, over a convex
-    set: straight ahead (k = 0) is included and no rounding rule is needed. On top of every AUV (d =
-    0) each turn is as good as any other: straight on.
+    set: straight ahead (k = 0) is included and no rounding rule is needed. On top of every AUV (d
+    below `TIE` of the turning radius) each turn is as good as any other: straight on.
     """
-    # 0 / 1 on top of every AUV: the offset vanishes with the distance
-    free = mean_offset / (mean_square_distance + (mean_square_distance == 0))
-    clipped = abs(free) * min_radius > 1
-    side = (mean_offset >= 0) * 2 - 1
-    return free * (1 - clipped) + side * clipped / min_radius, clipped
+    on_top = mean_square_distance <= (TIE * min_radius) ** 2
+    free = mean_offset * (1 - on_top) / (mean_square_distance + on_top)  # 0 / 1 on top
+    beyond = abs(free) * min_radius > 1
+    side = (mean_offset >= 0) * 2 - 1  # no tie: it is beyond
+    curvature = free * (1 - beyond) + side * beyond / min_radius
+    return curvature, abs(free) * min_radius > 1 + TIE
 
 
 def inertia_condition_number(radius: Scalar, offset: Scalar, along: Scalar) -> Scalar:

@@ -1,15 +1,17 @@
 """Path inertia as a convex problem that is compiled once and then solved decision by decision."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from formulations.model.ties import TIE
 from formulations.path_inertia.closed_form import lateral_offset, offsets
+from formulations.path_inertia.printed import Cvxpy, Sum
 from formulations.path_inertia.program import (
     Certificate,
     Point,
@@ -44,6 +46,7 @@ class Criterion(NamedTuple):
     threshold: float
     scale: float
     constant: float
+    rounding: float  # of the center
 
 
 class Turn(NamedTuple):
@@ -84,7 +87,11 @@ class PathInertiaProblem:
     right turns and left turns; the convex problem is solved over the interval that spans them, and
     a turn in the gap between them goes to the better of its two ends: last, exactly, and by the
     sign of the mean offset b̄ (with ρ: of the centre it shares with the last turn), left where that
-    is zero. The turning limit itself is such a gap for radii and a true constraint for curvatures.
+    is zero but for rounding. The turning limit itself is such a gap for radii and a true constraint
+    for curvatures.
+
+    ``closed-form``, ``osqp`` and ``clarabel`` solve the sum reduced to one number (`TurnProgram`);
+    ``cvxpy-osqp`` and ``cvxpy-clarabel`` take it as it is printed (`PrintedProgram`).
 
     γ ≥ 0 weighs distance against observability in ``difference`` and has no part in the other,
     whose optimum already weighs them. ρ ≥ 0 is ``change_weight``: a number for radii, in m² for
@@ -129,8 +136,8 @@ class PathInertiaProblem:
             )
         if self.solver not in SOLVERS:
             raise ValueError(f"solver must be one of {', '.join(SOLVERS)}, got {self.solver!r}")
-        absolute = self.objective == "difference" and self.gamma > 0
-        object.__setattr__(self, "compiled", set_up(self.solver, absolute))
+        compiled = set_up(self.solver, self.objective, self.gamma)
+        object.__setattr__(self, "compiled", compiled)
 
     def solve(
         self,
@@ -163,45 +170,79 @@ class PathInertiaProblem:
         total = float(np.vdot(positions, positions))
         if not math.isfinite(heading + total):  # a sum of squares: what is not finite stays
             return Solution.missing(Status.INVALID_INPUT)
-        x1, x2 = (shares @ positions).tolist()
-        offset = lateral_offset(x1, x2, heading)  # linear: that of the mean is the mean one
-        if weights is None:
-            square_distance = total / n
-        else:
-            square_distance = float(np.vdot(shares[:, None] * positions, positions))
-        if self.objective == "difference":
-            criterion = self._inertia_difference(offset, square_distance, last_radius)
-        else:
-            criterion = self._condition_number(offset, square_distance, last_radius)
+        if total <= (TIE * self.min_radius) ** 2:  # on top of every AUV: rounding says no side
+            positions = np.zeros_like(positions)
+        criterion = self._criterion(positions, heading, shares, last_radius)
         if not math.isfinite(criterion.center):
             return Solution.missing(Status.INVALID_INPUT)
         sides = self._turns(positions, heading)
         if not sides:
             return Solution.missing(Status.INFEASIBLE, remedies=REMEDIES)
-        return self._decide(criterion, sides)
+        solve = self.compiled
+        if isinstance(solve, Cvxpy):
+            solve = partial(solve, self._sum(criterion, positions, heading, shares, last_radius))
+        return self._decide(criterion, sides, solve)
+
+    def _sum(
+        self,
+        criterion: Criterion,
+        positions: Float[np.ndarray, "auvs 2"],
+        heading: float,
+        shares: Float[np.ndarray, " auvs"],
+        last_radius: float | None,
+    ) -> Sum:
+        """What is summed, as it is printed."""
+        rho, last = self._change(last_radius)
+        offset = lateral_offset(positions[:, 0], positions[:, 1], heading)
+        square_distance = np.sum(positions**2, axis=1)
+        return Sum(shares, offset, square_distance, rho, last, criterion.scale / 2)
+
+    def _change(self, last_radius: float | None) -> tuple[float, float]:
+        """Weight of a change and the turn before, a radius or a curvature; 0 if there is none."""
+        if last_radius is None:
+            return 0.0, 0.0
+        if self.objective == "condition-number":
+            return self.change_weight, 1 / last_radius
+        return (0.0, 0.0) if math.isinf(last_radius) else (self.change_weight, last_radius)
+
+    def _criterion(
+        self,
+        positions: Float[np.ndarray, "auvs 2"],
+        heading: float,
+        shares: Float[np.ndarray, " auvs"],
+        last_radius: float | None,
+    ) -> Criterion:
+        """The sum over AUVs reduced to one number, its two moments being all that it hangs on."""
+        x1, x2 = (shares @ positions).tolist()
+        offset = lateral_offset(x1, x2, heading)  # linear: that of the mean is the mean one
+        square_distance = float(np.vdot(shares[:, None] * positions, positions))
+        if self.objective == "difference":
+            return self._inertia_difference(offset, square_distance, last_radius)
+        return self._condition_number(offset, square_distance, last_radius)
 
     def _inertia_difference(
         self, offset: float, square_distance: float, last_radius: float | None
     ) -> Criterion:
-        if last_radius is None or math.isinf(last_radius):
-            rho, last = 0.0, 0.0
-        else:
-            rho, last = self.change_weight, last_radius
+        rho, last = self._change(last_radius)
         half_curve = 1 + self.gamma + rho
         center = ((1 + self.gamma) * offset + rho * last) / half_curve
         constant = self.gamma * square_distance + rho * last**2 - half_curve * center**2
-        return Criterion(center, self.gamma / (2 * half_curve), 2 * half_curve, constant)
+        size = (1 + self.gamma) * (math.sqrt(square_distance) + self.min_radius)
+        rounding = TIE * (size + rho * abs(last)) / half_curve
+        threshold = self.gamma / (2 * half_curve)
+        return Criterion(center, threshold, 2 * half_curve, constant, rounding)
 
     def _condition_number(
         self, offset: float, square_distance: float, last_radius: float | None
     ) -> Criterion:
-        rho, last = (0.0, 0.0) if last_radius is None else (self.change_weight, 1 / last_radius)
+        rho, last = self._change(last_radius)
         half_curve = 2 * square_distance + rho
-        center = 0.0  # on top of every AUV: straight on
+        center, rounding = 0.0, TIE / self.min_radius  # on top of every AUV: straight on
         if half_curve:
             center = (2 * offset + rho * last) / half_curve
+            rounding += TIE * (2 * math.sqrt(square_distance) + rho * abs(last)) / half_curve
         constant = 3 + rho * last**2 - half_curve * center**2
-        return Criterion(center, 0.0, 2 * half_curve, constant)
+        return Criterion(center, 0.0, 2 * half_curve, constant, rounding)
 
     def _turns(self, positions: Float[np.ndarray, "auvs 2"], heading: float) -> list[Side]:
         """Return what the limits leave of right and left turns, as radii or curvatures."""
@@ -224,15 +265,18 @@ class PathInertiaProblem:
         sides = radius_sides(lower, upper, self.min_radius)
         return sides if self.objective == "difference" else curvature_sides(sides)
 
-    def _decide(self, criterion: Criterion, sides: list[Side]) -> Solution:
+    def _decide(
+        self, criterion: Criterion, sides: list[Side], solve: Callable[[TurnProgram], Point]
+    ) -> Solution:
         """Solve over the interval that spans both sides, then clip to one of them."""
         center, threshold = criterion.center, criterion.threshold
         hull = TurnProgram(center, threshold, sides[0][0], sides[-1][1]).bounded()
-        reach = self.tolerance * hull.scale
-        by_hand = _turn(hull, sides, hull.optimum(), reach)
-        turn = self._asked(hull, sides, reach) or by_hand
+        reach = max(self.tolerance * hull.scale, criterion.rounding)
+        better = partial(_turn, hull, sides, reach=reach, rounding=criterion.rounding)
+        by_hand = better(hull.optimum())
+        turn = _asked(solve, hull, better) or by_hand
         error = turn.error(hull.value(turn.x) - hull.value(by_hand.x))
-        failed = not error <= WRONG * hull.scale
+        failed = not error <= max(WRONG * hull.scale, reach)
         if failed:
             turn, status = by_hand, Status.SOLVER_FAILED
         elif error > reach:
@@ -252,27 +296,33 @@ class PathInertiaProblem:
             remedies=REMEDIES,
         )
 
-    def _asked(self, hull: TurnProgram, sides: list[Side], reach: float) -> Turn | None:
-        """The solver's turn, of nan if it raised; None where there is no solver."""
-        if self.compiled is TurnProgram.optimum:
-            return None
-        try:
-            point = self.compiled(hull)
-            if math.isfinite(point.x):
-                return _turn(hull, sides, point, reach)
-        except Exception:  # whatever a solver stumbles over, the closed form does not
-            pass
-        return Turn(math.nan, False, Certificate(math.nan, math.nan, math.nan))
-
     def _is_limit(self, x: float) -> bool:
         """Whether a turn is the tightest that the vehicle can make."""
         limit = self.min_radius if self.objective == "difference" else 1 / self.min_radius
         return abs(x) == limit
 
 
-def _turn(hull: TurnProgram, sides: list[Side], point: Point, reach: float) -> Turn:
+def _asked(
+    solve: Callable[[TurnProgram], Point], hull: TurnProgram, better: Callable[[Point], Turn]
+) -> Turn | None:
+    """The solver's turn, of nan if it raised; None where there is no solver."""
+    if solve is TurnProgram.optimum:
+        return None
+    try:
+        point = solve(hull)
+        if math.isfinite(point.x):
+            return better(point)
+    except Exception:  # whatever a solver stumbles over, the closed form does not
+        pass
+    return Turn(math.nan, False, Certificate(math.nan, math.nan, math.nan))
+
+
+def _turn(
+    hull: TurnProgram, sides: list[Side], point: Point, *, reach: float, rounding: float
+) -> Turn:
     """Clip a solution of the hull to the better side, and certify what comes of it."""
-    side = TurnProgram(hull.center, hull.threshold, *hull.choose_side(point.x, sides))
+    taken = hull.choose_side(point.x, sides, rounding)
+    side = TurnProgram(hull.center, hull.threshold, *taken)
     x = min(max(point.x, side.lower), side.upper)
     end = side.lower if x - side.lower < side.upper - x else side.upper
     pressed = abs(x - end) <= reach and side.presses(end)

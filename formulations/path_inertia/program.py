@@ -6,6 +6,8 @@ With its multipliers and its certificate.
 import math
 from typing import NamedTuple
 
+from ..model.ties import TIE
+
 Side = tuple[float, float]
 """An interval of turns to one hand."""
 
@@ -107,14 +109,17 @@ class TurnProgram(NamedTuple):
         return Certificate(abs(point.x - x), abs(gradient), 0.5 * gradient**2 + slack)
 
     def presses(self, limit: float) -> bool:
-        """Whether the objective still falls beyond this limit."""
+        """Whether the objective still falls beyond this limit, by more than rounding."""
         slope = limit - self.center + math.copysign(self.threshold, limit)
-        return slope > 0 if limit == self.lower else slope < 0
+        if limit == self.upper:
+            slope = -slope
+        return slope > TIE * self.scale
 
-    def choose_side(self, x: float, sides: list[Side]) -> Side:
+    def choose_side(self, x: float, sides: list[Side], rounding: float = 0.0) -> Side:
         """Return the side x is on.
 
-        From the gap between two, the side whose end is the better turn, left (+) if equally good.
+        From the gap between two, the side whose end is the better turn, left (+) if equally good:
+        the centre is known to ``rounding``.
 
         The objective falls towards the convex optimum x from both ends, so the better end is the
         exact optimum outside the gap. The comparison is the difference of the two objectives,
@@ -124,7 +129,8 @@ class TurnProgram(NamedTuple):
         if x <= right[1]:
             return right
         width, middle = left[0] - right[1], left[0] + right[1]
-        if x < left[0] and self.center * width < middle * (0.5 * width + self.threshold):
+        center = self.center + rounding
+        if x < left[0] and center * width < middle * (0.5 * width + self.threshold):
             return right
         return left
 

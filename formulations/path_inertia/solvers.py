@@ -1,7 +1,7 @@
-"""Solvers of the turn program, compiled once and fed: OSQP, Clarabel, and either through cvxpy.
+"""Solvers, compiled once and fed: OSQP and Clarabel of the turn program, cvxpy of the printed sum.
 
-All take the program seen from its centre (``Deviation``) as a quadratic program in (u, y, t), the
-absolute value by its epigraph:
+The first two take the program seen from its centre (``Deviation``) as a quadratic program in
+(u, y, t), the absolute value by its epigraph:
 
     minimise ½y² + τt  subject to  u − t ≤ 0,  −u − t ≤ fold,  lower ≤ u ≤ upper,  u − y = 0
 
@@ -10,7 +10,6 @@ construction, t and its rows are left out. The copy y of u is there for OSQP's p
 active row it prints a line and returns unpolished.
 """
 
-import warnings
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any
@@ -18,6 +17,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from formulations.path_inertia.printed import FAILED, Cvxpy
 from formulations.path_inertia.program import Deviation, Point, TurnProgram
 
 OSQP_SETTINGS: dict[str, Any] = {
@@ -35,8 +35,6 @@ OSQP_SETTINGS: dict[str, Any] = {
 # Of the duality gap; its square root, 3e-7, is what is left where a limit is touched but does not
 # press.
 CLARABEL_TOLERANCE = 1e-13
-FAILED = Point(np.nan, np.nan, np.nan, np.nan)
-
 Compiled = Callable[[TurnProgram], Point]
 """What a solver is once set up."""
 
@@ -102,70 +100,27 @@ class PersistentClarabel:
         return deviation.point(result.x[0], sign, result.z[-1], result.z[-2])
 
 
-class CompiledCvxpy:
-    """The program as cvxpy reads it, canonicalised once (disciplined parametrised).
-
-    Every decision enters by parameters that stand alone: a product of two would not be DPP.
-    """
-
-    def __init__(self, absolute: bool, solver: str):
-        cp = self._cvxpy = import_module("cvxpy")
-        u, y, t = (cp.Variable(name=name) for name in "uyt")
-        self._lower, self._upper = cp.Parameter(name="lower"), cp.Parameter(name="upper")
-        self._threshold, self._fold = (
-            cp.Parameter(name="threshold", nonneg=True),
-            cp.Parameter(name="fold", nonneg=True),
-        )
-        limits = [self._lower <= u, u <= self._upper, u == y]
-        size = [u <= t, -u - self._fold <= t] if absolute else []
-        self.problem = cp.Problem(
-            cp.Minimize(0.5 * cp.square(y) + (self._threshold * t if absolute else 0.0)),
-            limits + size,
-        )
-        if not self.problem.is_dcp(dpp=True):
-            raise NotImplementedError(
-                "the path-inertia program is not DPP in this version of cvxpy: "
-                "it would be rebuilt at every decision"
-            )
-        # cvxpy puts its own defaults over OSQP's, and keeps a warm solver that is not polished
-        # again
-        exact = {f"tol_{name}": CLARABEL_TOLERANCE for name in ("gap_abs", "gap_rel", "feas")}
-        self._options = {"solver": solver, "warm_start": False} | (
-            OSQP_SETTINGS if solver == "OSQP" else exact
-        )
-        self._turn, self._absolute = u, absolute
-
-    def __call__(self, program: TurnProgram) -> Point:
-        """Solve one bounded program."""
-        deviation = Deviation.of(program)
-        self._threshold.value, self._fold.value = deviation.threshold, deviation.fold
-        self._lower.value, self._upper.value = deviation.lower, deviation.upper
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # of inaccuracy: the certificate tells
-                self.problem.solve(**self._options)
-        except self._cvxpy.error.SolverError:
-            return FAILED
-        if self._turn.value is None:
-            return FAILED
-        lower, upper, _, *size = (
-            float(constraint.dual_value) for constraint in self.problem.constraints
-        )
-        return deviation.point(
-            float(self._turn.value), size[0] - size[1] if self._absolute else 0.0, lower, upper
-        )
-
-
-SOLVERS: dict[str, Callable[[bool], Compiled]] = {
+# cvxpy puts its own defaults over OSQP's, and keeps a warm solver that is not polished again
+CVXPY_OPTIONS: dict[str, dict[str, Any]] = {
+    "cvxpy-osqp": {"solver": "OSQP", "warm_start": False} | OSQP_SETTINGS,
+    "cvxpy-clarabel": {
+        "solver": "CLARABEL",
+        "warm_start": False,
+        "tol_gap_abs": CLARABEL_TOLERANCE,
+        "tol_gap_rel": CLARABEL_TOLERANCE,
+        "tol_feas": CLARABEL_TOLERANCE,
+    },
+}
+# of the program reduced to one number
+REDUCED: dict[str, Callable[[bool], Compiled]] = {
     "closed-form": lambda _: TurnProgram.optimum,
     "osqp": PersistentOSQP,
     "clarabel": PersistentClarabel,
-    "cvxpy-osqp": lambda absolute: CompiledCvxpy(absolute, "OSQP"),
-    "cvxpy-clarabel": lambda absolute: CompiledCvxpy(absolute, "CLARABEL"),
 }
+SOLVERS = (*REDUCED, *CVXPY_OPTIONS)
 
 
-def set_up(solver: str, absolute: bool) -> Compiled:
+def set_up(solver: str, objective: str, gamma: float) -> Compiled | Cvxpy:
     """Set a solver up; one that cannot be for want of memory, say, fails at each decision.
 
     Raises
@@ -176,7 +131,9 @@ def set_up(solver: str, absolute: bool) -> Compiled:
         Its version does not do what is needed.
     """
     try:
-        return SOLVERS[solver](absolute)
+        if solver in CVXPY_OPTIONS:
+            return Cvxpy(objective, gamma, CVXPY_OPTIONS[solver])
+        return REDUCED[solver](objective == "difference" and gamma > 0)
     except (ImportError, NotImplementedError):
         raise
     except Exception:

@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..beam_search import Violation
+from ..model.ties import rounded
 from ..solution import Solution, Status
 from .manoeuvres import manoeuvres
 from .parameters import Setting, chosen, setting
@@ -187,6 +188,7 @@ def _of_each_kind(tried: Candidates, best: int) -> list[int]:
     A kind turns to the left first, or to the right, and then to either; straight on is of no kind.
     """
     half = tried.turn_rates.shape[1] // 2
+    scores = rounded(tried.score)
     first = tried.turn_rates[:, :half].mean(axis=1)
     second = tried.turn_rates[:, half:].mean(axis=1)
     turns = 2 * (first > 0) + (second > 0)
@@ -194,10 +196,10 @@ def _of_each_kind(tried: Candidates, best: int) -> list[int]:
     feasible = tried.violation <= TOLERANCE
     found = []
     for each in range(4):
-        score = np.where(feasible & (kind == each), tried.score, np.inf)
+        score = np.where(feasible & (kind == each), scores, np.inf)
         if each != kind[best] and np.isfinite(score.min()):
             found.append(int(score.argmin()))
-    return sorted(found, key=lambda k: float(tried.score[k]))
+    return sorted(found, key=lambda k: float(scores[k]))
 
 
 def _improved(
@@ -228,7 +230,15 @@ def _improved(
             answers.append(found)
     if not answers:
         return None
-    return min(answers, key=lambda one: (max(one.excess[0], TOLERANCE), one.score[0]))
+    best = min(answers, key=lambda one: (max(one.excess[0], TOLERANCE), one.score[0]))
+    return next(one for one in answers if _as_good(one, best))
+
+
+def _as_good(one: Candidates, best: Candidates) -> bool:
+    """Whether an answer is the best but for what solvers leave, as its mirror image may be."""
+    breaks, least = (max(each.excess[0], TOLERANCE) for each in (one, best))
+    score, bar = one.score[0], best.score[0]
+    return breaks <= least * (1 + WORSE) and score <= bar + WORSE * abs(bar)
 
 
 def _bounds(body: Task) -> Float[np.ndarray, "2 2"]:
@@ -261,7 +271,7 @@ def _best(search: Search, tried: Candidates) -> tuple[int, Candidates]:
     It breaks the limits least; of those that do not break them it is the cheapest.
     """
     broken = np.where(tried.violation <= TOLERANCE, 0.0, tried.excess)
-    order = np.lexsort((tried.score, broken)).tolist()
+    order = np.lexsort((rounded(tried.score), rounded(broken))).tolist()
     for k in islice(order, int(np.sum(broken == 0))):
         looked = _look(search, tried, k)
         if looked.violation[0] <= TOLERANCE:

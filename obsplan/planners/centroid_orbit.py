@@ -7,11 +7,12 @@ from typing import Annotated
 import casadi as ca
 import numpy as np
 
+from formulations.path_inertia.closed_form import lateral_offset, leftward
 from formulations.solution import Status
 from obsplan.planning.checks import check_situation
 from obsplan.planning.expressions import Command, Targets, decide
 from obsplan.planning.situation import Situation
-from obsplan.planning.steering import look_ahead, telling_distance, turn_along
+from obsplan.planning.steering import bearing, look_ahead, telling_distance, turn_along
 from obsplan.quantities import LENGTH
 from obsplan.types import Belief, Decision, Pose
 
@@ -19,6 +20,8 @@ from obsplan.types import Belief, Decision, Pose
 @dataclass(frozen=True)
 class CentroidOrbit:
     """Circle the AUVs' weighted centroid, the shorter way round, and crab to move with it.
+
+    Where both ways are as short it keeps the centroid to its left.
 
     The course relative to the centroid is the orbit's tangent, turned toward the orbit by
     atan(distance from it / look-ahead). ``score`` is the squared distance from the orbit [m^2].
@@ -57,12 +60,11 @@ class CentroidOrbit:
         center, velocity = targets.mean[:2, :] @ share, targets.velocity @ share
         away = pose[:2] - center
         radius = self._radius(center, targets)
-        outside = ca.hypot(away[0], away[1]) - radius
-        turns_left = away[0] * ca.sin(pose[2]) >= away[1] * ca.cos(pose[2])
-        sense = ca.if_else(turns_left, 1.0, -1.0)
-        tangent = ca.atan2(away[1], away[0]) + sense * (
-            np.pi / 2 + ca.atan(outside / look_ahead(cna))
-        )
+        distance = ca.hypot(away[0], away[1])
+        outside = distance - radius
+        sense = leftward(lateral_offset(away[0], away[1], pose[2]), distance + cna.min_turn_radius)
+        outward = bearing(away[0], away[1], least=cna.min_turn_radius, otherwise=pose[2])
+        tangent = outward + sense * (np.pi / 2 + ca.atan(outside / look_ahead(cna)))
         turn_rate = turn_along(cna, pose[2], tangent, velocity=velocity, radius=radius, sense=sense)
         none = ca.SX.nan(1, targets.mean.shape[1])
         return Command(turn_rate, ca.SX(cna.speed), outside**2, none, ca.SX(float(Status.OPTIMAL)))

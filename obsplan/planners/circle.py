@@ -8,13 +8,14 @@ from typing import Annotated
 import casadi as ca
 import numpy as np
 
+from formulations.model.ties import TIE
 from formulations.model.worth import best_distance
 from formulations.solution import Status
 from obsplan.constraints import Disc
 from obsplan.planning.checks import check_situation
 from obsplan.planning.expressions import Command, Targets, evaluate
 from obsplan.planning.situation import Situation
-from obsplan.planning.steering import look_ahead, turn_along
+from obsplan.planning.steering import bearing, look_ahead, turn_along
 from obsplan.quantities import LENGTH
 from obsplan.types import Belief, Decision, Point, Pose, as_point
 
@@ -90,10 +91,13 @@ class Circle:
         if not self.start_on_circle:
             return pose
         circle = self.circle
-        bearing = np.arctan2(pose.y - circle.y, pose.x - circle.x)
-        x = circle.x + circle.radius * np.cos(bearing)
-        y = circle.y + circle.radius * np.sin(bearing)
-        return Pose(float(x), float(y), float(bearing + np.pi / 2))
+        east, north = pose.x - circle.x, pose.y - circle.y
+        outward = np.arctan2(north, east)
+        if np.hypot(east, north) <= TIE * circle.radius:  # from the centre: straight ahead
+            outward = pose.heading
+        x = circle.x + circle.radius * np.cos(outward)
+        y = circle.y + circle.radius * np.sin(outward)
+        return Pose(float(x), float(y), float(outward + np.pi / 2))
 
     def plan(self, pose: Pose, auvs: Sequence[Belief], *, time: float = 0.0) -> Decision:
         """Steer along the circle, whatever the AUVs do."""
@@ -104,7 +108,8 @@ class Circle:
         cna, circle = self.situation.cna, self.circle
         east, north = pose[0] - circle.x, pose[1] - circle.y
         outside = ca.sqrt(east**2 + north**2) - circle.radius
-        course = ca.atan2(north, east) + np.pi / 2 + ca.atan(outside / look_ahead(cna))
+        outward = bearing(east, north, least=circle.radius, otherwise=pose[2])
+        course = outward + np.pi / 2 + ca.atan(outside / look_ahead(cna))
         velocity = -ca.DM(self.situation.current)  # of a place over ground, in the water
         turn_rate = turn_along(cna, pose[2], course, velocity=velocity, radius=circle.radius)
         none = ca.SX.nan(1, targets.mean.shape[1])

@@ -9,6 +9,7 @@ import numpy as np
 
 from formulations.model.arcs import arc
 from formulations.model.ranging import EDGE, Form, arrival, law_of
+from formulations.model.ties import TIE
 from formulations.model.worth import per_square
 from formulations.solution import Status
 from obsplan.planning.candidates import first_of_the_best
@@ -18,6 +19,7 @@ from obsplan.planning.situation import Situation
 from obsplan.quantities import CANDIDATES
 from obsplan.types import Belief, Decision, Pose
 
+ROUNDING = 1e-14  # of variances, relative to the largest
 SCALARS = 8  # AUVs up to which scalars are no slower than matrices, which hold all candidates
 
 
@@ -72,13 +74,16 @@ class ErrorEllipse:
         )
         square = x**2 + y**2
         variance = p11 * y**2 - 2 * p12 * x * y + p22 * x**2
-        left = variance / ca.if_else(square > 0, square, 1.0)
+        square = ca.if_else(square > (TIE * cna.min_turn_radius) ** 2, square, 0.0)
+        left = ca.if_else(square > 0, variance / square, 0.0)  # on top there is no line of sight
         ranging = self.situation.ranging
         if ranging.form != Form(squared=ranging.squared):
             height = ca.vec(targets.depth - self.situation.transducer_depth).T
             left += self._left_along(p11 + p22 - left, square, height)
-        totals = left @ (targets.weight / ca.sum1(targets.weight))
-        best, turn_rate = first_of_the_best(self.turn_rates)(totals, rates, 0.0)
+        share = targets.weight / ca.sum1(targets.weight)
+        totals = left @ share
+        doubt = ROUNDING * ((p11 + p22) @ share)  # small variances are differences of large ones
+        best, turn_rate = first_of_the_best(self.turn_rates)(totals, rates, 0.0, doubt)
         unknown = ca.DM.nan(1, targets.mean.shape[1])
         return Command(turn_rate, ca.DM(cna.speed), best, unknown, ca.DM(float(Status.OPTIMAL)))
 

@@ -22,10 +22,11 @@ from formulations.model.arcs import arcs
 from formulations.model.casadi import Call
 from formulations.model.frames import to_body
 from formulations.model.ranging import EDGE, arrival, law_of, variance
+from formulations.model.ties import TIE
 from formulations.solution import Status
 from obsplan.constraints import Constraints
 from obsplan.planning.candidates import first_of_the_best
-from obsplan.planning.checks import check_choices, check_situation
+from obsplan.planning.checks import check_situation
 from obsplan.planning.expressions import (
     Command,
     Symbolic,
@@ -44,6 +45,8 @@ from obsplan.planning.situation import Situation
 from obsplan.quantities import CANDIDATES, CIRCLES, INTERVAL
 from obsplan.types import Belief, Decision, Pose
 
+# Rounding of the entries of W, relative to the largest: of sums and products, and of differences.
+ROUNDING = {"exact": 2e-15, "thesis": 2e-15, "empirical": 1e-11}
 LEAST_PINGS = 3  # that tell the three states: east, north, heading
 SCALARS = 1  # AUVs up to which scalars are faster than matrices, which hold all candidates
 HARDLY = 1e-6  # [s] in place of no time at all, where all pings are silent
@@ -65,9 +68,9 @@ class GramianHorizon:
     """Hold the candidate turn rate whose Gramian over the horizon scores best (thesis chapter 4).
 
     Algorithms 1 and 2 of the thesis. Candidates are spread evenly between the turning limits and
-    tried from left to right; of equal ones the leftmost is taken. ``score`` is the aggregated
-    metric, lower is better. Where no candidate makes every AUV observable the vehicle goes
-    straight on.
+    tried from left to right; of equal ones the leftmost is taken, where equal is what the rounding
+    of the Gramian cannot tell apart. ``score`` is the aggregated metric, lower is better. Where no
+    candidate makes every AUV observable the vehicle goes straight on.
 
     The defaults are the thesis's: AUVs at rest, ranges all the time, a horizon of two thirds of
     the smallest circle, the unscaled Gramian of the squared range. The options depart from it:
@@ -126,7 +129,6 @@ class GramianHorizon:
 
     def __post_init__(self) -> None:
         check_situation(self)
-        check_choices(self)
         if self.gramian == "empirical" and (self.motion, self.sampling) != (
             "at-rest",
             "continuous",
@@ -176,13 +178,15 @@ class GramianHorizon:
 
         Without ``allowed`` all are; ``otherwise`` (straight on) if no candidate is regular.
         """
-        scores, condition = self._scores(time, pose, targets)
-        totals = self._aggregated(scores, self._shares(targets))
+        scores, condition, doubt = self._scores(time, pose, targets)
+        shares = self._shares(targets)
+        totals, doubts = (self._aggregated(each, shares) for each in (scores, doubt))
         totals = totals if allowed is None else ca.if_else(allowed, totals, ca.inf)
         choose, auvs = first_of_the_best(self.turn_rates), targets.mean.shape[1]
         straight = 0.0 if otherwise is None else otherwise
-        best, turn_rate = choose(totals, self.candidates, straight)
-        _, chosen = choose.map(auvs)(ca.repmat(totals, 1, auvs), condition, ca.DM.inf(1, auvs))
+        best, turn_rate = choose(totals, self.candidates, straight, doubts)
+        totals, doubts = (ca.repmat(each, 1, auvs) for each in (totals, doubts))
+        _, chosen = choose.map(auvs)(totals, condition, ca.DM.inf(1, auvs), doubts)
         status = ca.if_else(best < ca.inf, float(Status.OPTIMAL), float(Status.UNOBSERVABLE))
         return Command(turn_rate, ca.DM(self.situation.cna.speed), best, chosen, status)
 
@@ -199,16 +203,23 @@ class GramianHorizon:
 
     def _scores(
         self, time: Symbolic, pose: Symbolic, targets: Targets
-    ) -> tuple[Symbolic, Symbolic]:
-        """Metric and condition number of each candidate (K x M)."""
-        entries = self._entries(time, pose, targets)
-        scores = score_expression(self.metric, entries)
-        if self.metric == "condition-number":
-            return scores, scores
-        return scores, score_expression("condition-number", entries)
+    ) -> tuple[Symbolic, Symbolic, Symbolic]:
+        """Metric, condition number and rounding of the metric of each candidate (K x M)."""
+        entries = of_pose = self._pose_entries(time, pose, targets)
+        lost = 1.0  # by which the block's entries are less than those that they are differences of
+        if self.block == "position":
+            entries = position_schur_expression(of_pose)
+            lost = (of_pose[0] + of_pose[3]) / (entries[0] + entries[2])
+        scores = condition = score_expression(self.metric, entries)
+        if self.metric != "condition-number":
+            condition = score_expression("condition-number", entries)
+        doubt = ROUNDING[self.gramian] * lost * condition
+        if self.metric in ("log-det", "blend"):
+            return scores, condition, TIE + doubt
+        return scores, condition, doubt * ca.fabs(scores)
 
-    def _entries(self, time: Symbolic, pose: Symbolic, targets: Targets) -> Entries:
-        """Upper triangles of the Gramians in the body frame, each K x M."""
+    def _pose_entries(self, time: Symbolic, pose: Symbolic, targets: Targets) -> Entries:
+        """Upper triangles of the Gramians of pose in the body frame, each K x M."""
         body = partial(to_body, ca.cos(pose[2]), ca.sin(pose[2]))
         x = body(pose[0] - targets.mean[0, :], pose[1] - targets.mean[1, :])
         v = (
@@ -228,7 +239,7 @@ class GramianHorizon:
         if self.noise == "sensor":
             height = targets.depth - self.situation.transducer_depth
             entries = self._scaled(entries, height, self._heard(time, targets.mean.shape[1]))
-        return entries if self.block == "pose" else position_schur_expression(entries)
+        return entries
 
     @property
     def _slots(self) -> bool:
@@ -326,7 +337,8 @@ class GramianHorizon:
     def _choose_within_limits(self, pose: Pose, auvs: Sequence[Belief], time: float) -> Decision:
         """The best of the least violating: before the next decision, then over the horizon."""
         first, later = (np.maximum(broken, 0.0) for broken in self._violations(pose, auvs))
-        allowed = (first == first.min()) & (later == later[first == first.min()].min())
+        least = first <= first.min() * (1 + TIE)
+        allowed = least & (later <= later[least].min() * (1 + TIE))
         straightest = min(self.candidates[allowed], key=abs)
         call = limited_choice(self, len(auvs))
         fill(call.given, pose, auvs, time)

@@ -13,7 +13,7 @@ from formulations.model.covariance import DEPTH, Tracks
 from formulations.model.schedule import Stages
 from formulations.solution import Solution, Status
 from obsplan.constraints import Constraints
-from obsplan.planning.checks import check_choices, check_situation
+from obsplan.planning.checks import check_situation
 from obsplan.planning.companion import Companion, Turns, told
 from obsplan.planning.fallback import straight_on, unusable
 from obsplan.planning.limits import LimitsAhead, positions_ahead
@@ -22,6 +22,7 @@ from obsplan.planning.steering import greatest_doubt
 from obsplan.quantities import BEAM_WIDTH, BRANCHES, INTERVAL, LINK_WEIGHT, STAGES
 from obsplan.types import Belief, Decision, Pose
 
+STILL = 1e-9  # [m/s]; slower is at rest but for rounding, which has no direction
 KNOWN_DEPTH = 1e-6  # [m]; beside an AUV that estimates its depth, another's has a log-determinant
 
 
@@ -75,7 +76,6 @@ class InformationHorizon:
 
     def __post_init__(self) -> None:
         check_situation(self)
-        check_choices(self)
         if self.turn_rates < 3 or self.turn_rates % 2 == 0:
             raise ValueError(
                 "turn_rates must be odd and at least 3, straight on and pairs, "
@@ -214,17 +214,15 @@ def predicted_tracks(
 ) -> Tracks:
     """Where the AUVs are expected at the end of each stage, and how they move during it.
 
-    The motion is their mean velocity through the water.
+    The motion is their mean velocity through the water; one at rest heads as it is believed to.
     """
     ends = np.zeros(stages.duration.size + 1)
     stages.duration.cumsum(out=ends[1:])
     position = positions_ahead(auvs, ends)
     moved = position[1:] - position[:-1]
     water = moved / stages.duration[:, None, None] - np.array([auv.current for auv in auvs])
+    speed = np.hypot(water[..., 0], water[..., 1])
+    way = np.arctan2(water[..., 1], water[..., 0])
+    heading = np.where(speed <= STILL, [auv.mean[2] for auv in auvs], way)
     heights = [auv.depth - transducer_depth for auv in auvs]
-    return Tracks(
-        position[1:],
-        np.arctan2(water[..., 1], water[..., 0]),
-        np.hypot(water[..., 0], water[..., 1]),
-        np.array([heights] * len(moved)),
-    )
+    return Tracks(position[1:], heading, speed, np.array([heights] * len(moved)))

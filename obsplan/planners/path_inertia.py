@@ -38,8 +38,10 @@ class PathInertia:
 
     Without further limits the decision is a closed form, and part of the simulator's step. The
     limits and the penalty on change make it a convex program, solved at each decision by the
-    solver named. Where no turn satisfies the limits, the turn without them is taken and the
-    status says so.
+    solver named. All find the same turn; a solver that fails, or whose answer its residuals
+    refute, is replaced by the closed form, and the status says so. Where no turn satisfies the
+    limits, the turn without them is taken and the status says so. Straight ahead of the AUVs
+    or away from them both sides are equally good: it turns left.
     """
 
     condition_label = "κ(J)"
@@ -55,7 +57,8 @@ class PathInertia:
         "difference"
     )
     solver: Annotated[
-        Literal["closed-form", "osqp", "clarabel"], "how the convex program is solved"
+        Literal["closed-form", "osqp", "clarabel", "cvxpy-osqp", "cvxpy-clarabel"],
+        "what solves the convex program; cvxpy takes it as printed, others reduced to one number",
     ] = "closed-form"
     change_weight: Annotated[
         float,
@@ -104,7 +107,8 @@ class PathInertia:
         offset, square_distance = lateral_offset(x1, x2, pose[2]), x1**2 + x2**2
         mean_offset, r_min = offset @ weight, cna.min_turn_radius
         if self.objective == "difference":
-            radius, clipped = path_inertia_radius(mean_offset, self.gamma, r_min)
+            distance = ca.sqrt(square_distance @ weight)
+            radius, clipped = path_inertia_radius(mean_offset, self.gamma, r_min, distance)
             curvature = 1 / radius
         else:
             curvature, clipped = path_inertia_curvature(

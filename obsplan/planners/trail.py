@@ -10,7 +10,7 @@ from formulations.solution import Status
 from obsplan.planning.checks import check_situation
 from obsplan.planning.expressions import Command, Targets, decide
 from obsplan.planning.situation import Situation
-from obsplan.planning.steering import look_ahead, telling_distance, turn_toward
+from obsplan.planning.steering import bearing, look_ahead, telling_distance, turn_toward
 from obsplan.quantities import POSITION
 from obsplan.types import Belief, Decision, Pose
 
@@ -19,7 +19,8 @@ from obsplan.types import Belief, Decision, Pose
 class Trail:
     """Keep a place behind, or left of, the AUVs' weighted centroid, as slowly as that takes.
 
-    Behind and left refer to their mean heading. The velocity wanted is the centroid's plus the
+    Behind and left refer to their mean heading, or, where headings cancel, to the bearing of their
+    centroid. The velocity wanted is the centroid's plus the
     way to the place, divided by the time the vehicle needs for a look-ahead. ``score`` is the
     squared distance from the place [m^2]. Where slant ranges to AUVs at depth tell most from
     farther than a turning diameter, it is that far behind, unless the distance is given.
@@ -45,13 +46,16 @@ class Trail:
         """Turn rate and speed of a pursuit of the place."""
         cna = self.situation.cna
         share = targets.weight / ca.sum1(targets.weight)
-        heading = ca.atan2(ca.sin(targets.mean[2, :]) @ share, ca.cos(targets.mean[2, :]) @ share)
+        way = targets.mean[:2, :] @ share - pose[:2]
+        toward = bearing(way[0], way[1], least=cna.min_turn_radius, otherwise=pose[2])
+        course = (wave(targets.mean[2, :]) @ share for wave in (ca.cos, ca.sin))
+        heading = bearing(*course, least=1.0, otherwise=toward)
         ahead = ca.vertcat(ca.cos(heading), ca.sin(heading))
         abeam = ca.vertcat(-ca.sin(heading), ca.cos(heading))
         behind = self.behind
         if behind is None:
             behind = telling_distance(self.situation, targets, look_ahead(cna))
-        gap = targets.mean[:2, :] @ share - behind * ahead + self.left * abeam - pose[:2]
+        gap = way - behind * ahead + self.left * abeam
         wanted = targets.velocity @ share + gap * (cna.speed / look_ahead(cna))
         # cruising speed also where it is no number
         speed = ca.fmin(cna.speed, ca.hypot(wanted[0], wanted[1]))

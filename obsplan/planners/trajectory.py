@@ -22,7 +22,7 @@ from formulations.trajectory import (
 )
 from obsplan.constraints import Constraints, Disc, Polygon
 from obsplan.next_move import loiter_violation
-from obsplan.planning.checks import check_choices, check_situation
+from obsplan.planning.checks import check_situation
 from obsplan.planning.fallback import straight_on, unusable
 from obsplan.planning.interface import Progress
 from obsplan.planning.limits import SURE, LimitsAhead, margins
@@ -98,7 +98,6 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         check_situation(self)
-        check_choices(self)
         if (
             self.speed_range is not None
             and not 0 < self.speed_range[0] <= self.speed_range[1] < np.inf

@@ -1,30 +1,10 @@
 """Refuse options out of their range, by name, value and unit."""
 
-from typing import Any, get_args, get_type_hints
+from typing import Any
 
 import numpy as np
 
 from obsplan.quantities import check_quantities
-
-
-def check_choices(planner: object) -> None:
-    """Refuse a value that is none of its field's named choices.
-
-    Raises
-    ------
-    ValueError
-        Naming the field, the choices and the value.
-    """
-    for name, hint in get_type_hints(type(planner)).items():
-        known = get_args(hint)
-        if (
-            known
-            and all(isinstance(choice, str) for choice in known)
-            and getattr(planner, name) not in known
-        ):
-            raise ValueError(
-                f'{name} must be one of {", ".join(known)}, got "{getattr(planner, name)}"'
-            )
 
 
 def check_positive(planner: object, **units: str) -> None:
@@ -46,7 +26,7 @@ def check_positive(planner: object, **units: str) -> None:
 def check_situation(planner: Any) -> None:
     """Refuse what is given in place of the situation, such as the vehicle alone.
 
-    Refuse also options out of their ranges.
+    Refuse also options out of their ranges, and names that are no choice.
 
     Raises
     ------

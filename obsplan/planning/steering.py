@@ -4,6 +4,7 @@ import math
 
 import casadi as ca
 
+from formulations.model.ties import TIE
 from formulations.model.worth import best_distance
 from obsplan.planning.expressions import Symbolic, Targets
 from obsplan.planning.situation import Situation
@@ -28,12 +29,27 @@ def turn_toward(
 ) -> ca.SX:
     """Turn rate [rad/s] onto a course that itself turns at a rate.
 
-    It keeps within the limit at the speed [m/s], by default the cruising speed.
+    It keeps within the limit at the speed [m/s], by default the cruising speed. Onto the reverse
+    course it turns left.
     """
     error = course - heading
-    correction = cna.speed / look_ahead(cna) * ca.atan2(ca.sin(error), ca.cos(error))
+    correction = cna.speed / look_ahead(cna) * _shorter_way(ca.atan2(ca.sin(error), ca.cos(error)))
     limit = (cna.speed if speed is None else speed) / cna.min_turn_radius
     return ca.fmax(-limit, ca.fmin(limit, turning + correction))
+
+
+def _shorter_way(error: ca.SX) -> ca.SX:
+    """The same error of course [rad]; half a turn is one to the left, whatever rounding says."""
+    return ca.if_else(error < TIE - math.pi, error + 2 * math.pi, error)
+
+
+def bearing(east: ca.SX, north: ca.SX, *, least: float, otherwise: ca.SX) -> ca.SX:
+    """Bearing [rad] of a way [m]; otherwise another, where the way is no longer than rounding.
+
+    That is relative to the least length [m] that counts elsewhere.
+    """
+    there = ca.hypot(east, north) > TIE * least
+    return ca.if_else(there, ca.atan2(north, east), otherwise)
 
 
 def telling_distance(situation: Situation, targets: Targets, least: Symbolic) -> Symbolic:

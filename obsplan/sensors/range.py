@@ -24,6 +24,7 @@ from obsplan.quantities import (
     SOUND_SPEED,
     TIME_SIGMA,
     TURNAROUND,
+    check_choices,
 )
 from obsplan.sensors.sensor import BEACON
 
@@ -73,6 +74,7 @@ class Range:
     ] = 0.0
 
     def __post_init__(self) -> None:
+        check_choices(self)
         depths = [depth for depth, _ in self.profile]
         for above, below in pairwise(depths):
             if not above < below:
