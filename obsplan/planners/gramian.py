@@ -46,7 +46,7 @@ from obsplan.quantities import CANDIDATES, CIRCLES, INTERVAL
 from obsplan.types import Belief, Decision, Pose
 
 # Rounding of the entries of W, relative to the largest: of sums and products, and of differences.
-ROUNDING = {"exact": 2e-15, "thesis": 2e-15, "empirical": 1e-11}
+ROUNDING = {"exact": 2e-15, "thesis": 2e-15, "degrees": 2e-15, "empirical": 1e-11}
 LEAST_PINGS = 3  # that tell the three states: east, north, heading
 SCALARS = 1  # AUVs up to which scalars are faster than matrices, which hold all candidates
 HARDLY = 1e-6  # [s] in place of no time at all, where all pings are silent
