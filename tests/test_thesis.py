@@ -37,12 +37,12 @@ def broken(monkeypatch):
     return with_radius
 
 
-def wrong_side(mean_offset, gamma, min_radius):
+def wrong_side(mean_offset, gamma, min_radius, *_):
     radius, clipped = closed_form.path_inertia_radius(mean_offset, gamma, min_radius)
     return -radius, clipped
 
 
-def sign_of_the_shrunk(mean_offset, gamma, min_radius):
+def sign_of_the_shrunk(mean_offset, gamma, min_radius, *_):
     """The clip by the sign of r*, which is 0 where the penalty shrinks it to nothing: there always to the left."""
     free = abs(mean_offset) - gamma / (2 + 2 * gamma)
     positive = (free > 0) * ((mean_offset >= 0) * 2 - 1) + (free <= 0)
@@ -256,7 +256,9 @@ def test_figure_5_6_settles_every_start_that_is_given_time_and_the_closed_form_n
 
 
 def test_figure_5_6_fails_without_the_penalty(broken):
-    broken(lambda offset, _, min_radius: closed_form.path_inertia_radius(offset, 0.0, min_radius))
+    broken(
+        lambda offset, _, min_radius, *__: closed_form.path_inertia_radius(offset, 0.0, min_radius)
+    )
     assert not finding("fig5.6", runs=25).agrees
 
 

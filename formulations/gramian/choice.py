@@ -10,11 +10,11 @@ import numpy as np
 from jaxtyping import Float
 
 from ..metrics import condition_number, score
+from ..model.ties import TIE
 from ..solution import Solution, Status
 from .exact import ExactGramian
 from .simulated import SimulatedGramian
 
-TIE = 1e-9  # Totals this close, relative, are equal: the order of candidates decides, not rounding
 LOGARITHMS = ("log-det", "blend")  # metrics of which a relative error of W is an absolute one
 REMEDIES = {
     Status.INVALID_INPUT: "a state or a parameter is not finite; check the estimator",
