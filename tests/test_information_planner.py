@@ -338,7 +338,7 @@ def test_keeps_its_separation_from_auvs_whose_survey_it_knows():
         "duration": 60.0,
         **quiet,
     }
-    limited = scenario(constraints={"min_separation": 15.0, "max_separation": 60.0}, **common)
+    limited = scenario(constraints={"min_separation": 20.0, "max_separation": 60.0}, **common)
     runs = [op.simulate(mission) for mission in (limited, scenario(**common))]
     distances, free = (
         [
@@ -348,9 +348,9 @@ def test_keeps_its_separation_from_auvs_whose_survey_it_knows():
         ]
         for run in runs
     )
-    assert min(distances) >= 15.0 - 1e-3
+    assert min(distances) >= 20.0 - 1e-3
     assert max(distances) <= 60.0 + 1e-3
-    assert min(free) < 14.0
+    assert min(free) < 19.0
     assert not (runs[0].status == Status.VIOLATED).any()
 
 

@@ -7,6 +7,13 @@ With a compiler the whole search is one call of machine code (`.compiled`).
 
 from .search import Link, search_manoeuvres, turn_candidates
 from .selection import Violation
-from .to_go import cost_per_metre
+from .to_go import cost_per_metre, near_enough
 
-__all__ = ["Link", "Violation", "cost_per_metre", "search_manoeuvres", "turn_candidates"]
+__all__ = [
+    "Link",
+    "Violation",
+    "cost_per_metre",
+    "near_enough",
+    "search_manoeuvres",
+    "turn_candidates",
+]

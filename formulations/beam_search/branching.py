@@ -16,13 +16,14 @@ TINY = 1e-30  # [m^4]; a position known exactly has no logarithm
 # What a branching is told of an AUV at the last ranges and at the next: where it is, how far the
 # aid vehicle is above it, how many ranges there are, and the root of what else is known then.
 AT_RANGES = ("x", "y", "height", "pings", "root_east", "root_both", "root_north")
-# ``per_metre`` is what each metre to the AUV costs that is to come, weighted as the AUV is.
+# ``per_metre`` is what each metre to the AUV costs that is to come, weighted as the AUV is, and
+# beyond ``near``.
 AUV = (
     *(f"{name}_before" for name in AT_RANGES),
     *AT_RANGES,
     *("cos", "sin", "speed"),
     *("east_noise", "north_noise", "heading_noise", "speed_noise", "depth_noise"),
-    *("doubt", "weight", "per_metre"),
+    *("doubt", "weight", "per_metre", "near"),
 )
 LAW = ("sigma", "growth", "loss", "per_half_distance", "per_reach")  # its numbers
 # Of the horizon, the share; the numbers of the ranging's law; what lost throughput costs, and its
@@ -104,7 +105,7 @@ def of_one(kind: Kind) -> ca.Function:
     begun = _at_ranges(unpack(P, kind.states), pose, before, ranging, doubt, kind)
     predicted = predict(begun, motion, noise[: kind.states], duration)
     place = [0, 1, *range(DEPTH, kind.states)]
-    per_metre = auv[AUV.index("per_metre")]
+    per_metre, near = auv[AUV.index("per_metre")], auv[AUV.index("near")]
     known, to_go = [], []
     for k in range(kind.turns):
         after = _at_ranges(predicted[place, place], poses[:, k], there, ranging, doubt, kind)
@@ -112,7 +113,8 @@ def of_one(kind: Kind) -> ca.Function:
         if kind.linked:
             cost += _lost_throughput(poses[:, k], there, ranging, link)
         known.append(cost)
-        to_go.append(per_metre * _distance(poses[:, k], there, ranging.form))
+        distance = _distance(poses[:, k], there, ranging.form)
+        to_go.append(per_metre * ca.fmax(distance - near, 0.0))
     outputs = [ca.vertcat(*known), ca.vertcat(*to_go), pack(predicted)]
     return ca.Function("of_one", [P, auv, pose, poses, stage], outputs, {"cse": True})
 

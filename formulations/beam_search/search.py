@@ -57,6 +57,7 @@ def search_manoeuvres(
     link: Link = FREE,
     doubts: Float[np.ndarray, " M"] | None = None,
     per_metre: Float[np.ndarray, " M"] | float = 0.0,
+    near: float = 0.0,
 ) -> Solution:
     """Find the turns, one a stage, after which the AUVs' position covariances are smallest.
 
@@ -100,6 +101,8 @@ def search_manoeuvres(
         What each metre between the aid vehicle and an AUV will cost beyond the horizon, in the
         criterion's unit per metre (`cost_per_metre`): added at each stage, for the distance there
         alone, to what sequences are ranked by. Distances are slant where ranges are. Default: 0.
+    near
+        Distance [m] from an AUV up to which nothing is to come (`near_enough`). Default: 0.
 
     Returns
     -------
@@ -143,6 +146,7 @@ def search_manoeuvres(
         link,
         doubts,
         per_metre,
+        near,
     )
     sequences.begin(pose, pack_array(covariance))
     first = worst = 0.0
@@ -227,6 +231,7 @@ def _told(
     link: Link = FREE,
     doubts: Float[np.ndarray, " M"] | float = 0.0,
     per_metre: Float[np.ndarray, " M"] | float = 0.0,
+    near: float = 0.0,
 ) -> Float[np.ndarray, "S told"]:
     """What a branching is told at each stage; see `branching`."""
     S, M = tracks.heading.shape
@@ -249,6 +254,7 @@ def _told(
     weight = weights / weights.sum()
     auv[..., AUV.index("weight")] = weight
     auv[..., AUV.index("per_metre")] = weight * per_metre
+    auv[..., AUV.index("near")] = near
     stage[:, 0] = stages.duration
     stage[:, 1] = stages.duration / stages.duration.sum()
     stage[:, 2 : 2 + len(LAW)] = ranging.numbers

@@ -10,16 +10,22 @@ now, by a share β of its covariance P, and the criterion J is a mean over the h
           \begin{cases} \operatorname{tr} P & \text{trace} \\ n & \text{log det of } n \times n
           \end{cases}
 
-is to come. β has no unit; its value is from experiments (docs/information.md).
+is to come. β has no unit; its value is from experiments (docs/information.md). Of the distance
+only what is beyond `near_enough` counts.
 """
+
+import math
 
 import numpy as np
 from jaxtyping import Float
 
 from ..model.covariance import DEPTH
+from ..model.ranging import Ranging
 
 # β: the share of its covariance by which an AUV is known worse while the vehicle comes back
 WORSE = 0.1
+# standard deviations of a range; its value is from experiments, too
+ERRORS = 20.0
 
 
 def cost_per_metre(
@@ -43,3 +49,15 @@ def cost_per_metre(
     else:
         grows = np.full(len(covariance), float(len(position)))
     return WORSE * grows / (speed * horizon)
+
+
+def near_enough(ranging: Ranging) -> float:
+    """How near [m] an AUV the aid vehicle need not come nearer.
+
+    There a range's error is a twentieth of the distance. Nearer, the filter's linearisation, of
+    which covariances know nothing, costs more than faster bearings gain. Of errors that grow with
+    distance the part that does not grow counts.
+    """
+    if ranging.squared:  # an error of s in the square is one of s / (2 d) in the range
+        return math.sqrt(ERRORS * ranging.sigma / 2)
+    return ERRORS * ranging.sigma

@@ -238,7 +238,7 @@ def _as_good(one: Candidates, best: Candidates) -> bool:
     """Whether an answer is the best but for what solvers leave, as its mirror image may be."""
     breaks, least = (max(each.excess[0], TOLERANCE) for each in (one, best))
     score, bar = one.score[0], best.score[0]
-    return breaks <= least * (1 + WORSE) and score <= bar + WORSE * abs(bar)
+    return bool(breaks <= least * (1 + WORSE) and score <= bar + WORSE * abs(bar))
 
 
 def _bounds(body: Task) -> Float[np.ndarray, "2 2"]:

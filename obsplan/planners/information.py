@@ -8,7 +8,13 @@ from typing import Annotated, Literal
 import numpy as np
 from jaxtyping import Float
 
-from formulations.beam_search import Link, cost_per_metre, search_manoeuvres, turn_candidates
+from formulations.beam_search import (
+    Link,
+    cost_per_metre,
+    near_enough,
+    search_manoeuvres,
+    turn_candidates,
+)
 from formulations.model.covariance import DEPTH, Tracks
 from formulations.model.schedule import Stages
 from formulations.solution import Solution, Status
@@ -187,6 +193,7 @@ class InformationHorizon:
             if limits is None
             else limits.first_move(state, turn_rates, cna.speed),
             per_metre=to_come,
+            near=near_enough(self.situation.ranging),
             doubts=doubts,
             known=told(companions, auvs, time, stages, self.situation.current),
         )
