@@ -94,6 +94,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--workers", type=int, default=None, help="default: one per core")
     parser.add_argument("--out", default="evidence", help="folder of the missions")
     parser.add_argument("--docs", default="docs", help="folder of what is written")
+    parser.add_argument("--note", default="", help="to stand on top: what no program knows")
     return parser.parse_args()
 
 
@@ -274,7 +275,8 @@ def write(
     docs = Path(given.docs)
     method = Path(__file__).with_name("evidence_method.md").read_text(encoding="utf-8")
     first = [method.format(seed=given.seed, runs=given.runs, command=repeated(given)).rstrip()]
-    text = "\n\n".join([*first, *(line for part in parts.values() for line in part)])
+    noted = [given.note] if given.note else []
+    text = "\n\n".join([*first, *noted, *(line for part in parts.values() for line in part)])
     write_atomically(docs / "evidence.md", text.rstrip() + "\n")
     everything = pd.concat(frames, ignore_index=True)
     columns = ["part", *(name for name in everything if name != "part")]

@@ -167,7 +167,8 @@ def evidence_figure(rows: "pd.DataFrame", planner: str) -> "Figure":
     axes.set_xlim(0.55, HIGHEST)
     axes.axvline(1.0, color="#888888", lw=0.8, zorder=0)
     axes.set_xlabel(f"RMS position error over the median of {planner} [-]")
-    axes.legend(loc="lower right", fontsize=8, frameon=True)
+    beside_the_title = (1.0, 1.0)
+    axes.legend(loc="lower right", bbox_to_anchor=beside_the_title, ncols=3, fontsize=8)
     how = "Symbol and bar: median and its 95 % interval. Stroke: 95 % quantile of missions."
     head(figure, f"{planner} beside the best other planner", how)
     return figure
