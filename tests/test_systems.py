@@ -179,7 +179,8 @@ def test_of_a_joint_pair_neither_can_do_better_and_no_pair_does_much_better():
 
 def test_a_joint_pair_comes_to_bearings_at_right_angles():
     situation, planner, auv, poses, _ = two_at_a_still_auv()
-    planner = replace(planner, situation=replace(situation, ping_interval=60.0))
+    slant = Ranging(1.0, slant=True)  # of which there is no cost to go: ranges alone decide
+    planner = replace(planner, situation=replace(situation, ping_interval=60.0, ranging=slant))
     situation = planner.situation
     one, other = decided(Team((planner, planner)), situation, auv, poses)
     cosine = one @ other / np.hypot(*one) / np.hypot(*other)

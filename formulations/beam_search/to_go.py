@@ -55,9 +55,12 @@ def near_enough(ranging: Ranging) -> float:
     """How near [m] an AUV the aid vehicle need not come nearer.
 
     There a range's error is a twentieth of the distance. Nearer, the filter's linearisation, of
-    which covariances know nothing, costs more than faster bearings gain. Of errors that grow with
-    distance the part that does not grow counts.
+    which covariances know nothing, costs more than faster bearings gain. Where errors grow with the
+    distance, or ranges are slant, what ranges tell keeps the vehicle where they tell most: there
+    is nothing to add, and every distance is near.
     """
+    if ranging.growth > 0 or ranging.slant:
+        return math.inf
     if ranging.squared:  # an error of s in the square is one of s / (2 d) in the range
         return math.sqrt(ERRORS * ranging.sigma / 2)
     return ERRORS * ranging.sigma
