@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 
 from .allocation import Allocation, check_pings, mean_square, normalized
 from .cramer_rao import positive
-from .frank_wolfe import Progress, frank_wolfe
+from .frank_wolfe import CertifiedBound, Progress, frank_wolfe
 
 RELATIVE_GAP = 0.005  # of the mean square: the bound's RMS is within 0.25 % of the best
 MAX_ITERATIONS = 300
@@ -18,7 +18,7 @@ FINEST = 4096  # steps, up to which a search begins from nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class InformationBound:
+class InformationBound(CertifiedBound):
     """What no path of the beacon can beat, with its certificate.
 
     It is a bound and no `Solution`: its minimiser is an allocation that no path need reach, and
@@ -29,21 +29,8 @@ class InformationBound:
     value − gap. ``weights`` are those of the samples, with sum one.
     """
 
-    value: float
-    gap: float
-    iterations: int
     allocation: Float[np.ndarray, "pings 2 2"]
     weights: Float[np.ndarray, " samples"]
-
-    @property
-    def bound(self) -> float:
-        """Certified lower bound on the mean square position error [m²]."""
-        return self.value - self.gap
-
-    @property
-    def bound_rms_m(self) -> float:
-        """Certified lower bound on the root mean square position error [m]."""
-        return float(np.sqrt(self.bound))
 
     def efficiency(self, P: Float[np.ndarray, "samples n n"]) -> float:
         """Return the bound over the RMS of a path's posterior Cramér-Rao covariances.

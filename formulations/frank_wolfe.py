@@ -1,6 +1,7 @@
 """Frank-Wolfe: minimise a convex function over a convex set, with a certified lower bound."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +11,29 @@ CURVATURE_INCREASE = 2.0
 ROUNDING = 1e-12  # of a value, relative: decreases below it cannot be told
 
 Progress = Callable[[float], None]  # of the share done
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CertifiedBound:
+    """What no point of a set can be below, with its certificate.
+
+    ``value`` is the least mean square [m²] that was found, ``gap`` its duality gap: every point
+    lies above ``bound`` = value − gap.
+    """
+
+    value: float
+    gap: float
+    iterations: int
+
+    @property
+    def bound(self) -> float:
+        """Certified lower bound on the mean square position error [m²]."""
+        return self.value - self.gap
+
+    @property
+    def bound_rms_m(self) -> float:
+        """Certified lower bound on the root mean square position error [m]."""
+        return float(np.sqrt(self.bound))
 
 
 class Minimum(NamedTuple):

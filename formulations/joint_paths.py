@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .fleet import AidVehicle, Fleet, RangedAuv
-from .frank_wolfe import Progress, frank_wolfe
+from .frank_wolfe import CertifiedBound, Progress, frank_wolfe
 from .model.ranging import Ranging
 from .sight import Boxes, along, cheapest, distances, gap, sight_of
 
@@ -20,27 +20,14 @@ MAX_LINKS = 5_000_000  # of cells that can follow one another, some 60 MB
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointBound:
+class JointBound(CertifiedBound):
     """What no paths of the aid vehicles can beat, weighted over AUVs and time.
 
     ``value`` is the least mean square [m²] of mixtures of paths that was found, and ``gap`` its
     duality gap: every path lies above ``bound`` = value − gap.
     """
 
-    value: float
-    gap: float
-    iterations: int
     cells: int  # of the plane, of the aid vehicle with most
-
-    @property
-    def bound(self) -> float:
-        """Certified lower bound on the mean square position error [m²]."""
-        return self.value - self.gap
-
-    @property
-    def bound_rms_m(self) -> float:
-        """Certified lower bound on the root mean square position error [m]."""
-        return float(np.sqrt(self.bound))
 
 
 def joint_bound(

@@ -40,6 +40,7 @@ DEFAULT = "information"
 RIVALS = ("error-ellipse", "trail", "centroid-orbit", "circle", "gramian", "path-inertia")
 STATIONARY = "stationary"
 REFERENCES = tuple(name for name in ("whole-mission", "rolling") if name in PLANNERS)
+FLOWN = ",".join((DEFAULT, *RIVALS, STATIONARY, *REFERENCES))
 PARTS = ("suite", "field", "first", "drawn")
 WIDE_PRIOR, WIDE_RUNS = "suite/wide-prior", 60
 FIRST_SEED, FIRST_RUNS = 1, 20
@@ -86,8 +87,7 @@ def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seed", type=int, default=90001, help="the first of each scenario")
     parser.add_argument("--runs", type=int, default=40, help="seeds per scenario")
-    quick = ",".join((DEFAULT, *RIVALS, STATIONARY, *REFERENCES))
-    parser.add_argument("--planners", default=quick, help=f"default: {quick}")
+    parser.add_argument("--planners", default=FLOWN, help=f"default: {FLOWN}")
     parser.add_argument("--parts", default=",".join(PARTS), help="default: all")
     parser.add_argument("--drawn", type=int, default=DRAWN, help="scenarios drawn")
     parser.add_argument("--drawn-runs", type=int, default=DRAWN_RUNS, help="seeds of each")
@@ -289,7 +289,9 @@ def repeated(given: argparse.Namespace) -> str:
     """The command that writes the same again."""
     words = [f"--seed {given.seed}", f"--runs {given.runs}"]
     defaults = {"--drawn": DRAWN, "--drawn-runs": DRAWN_RUNS, "--parts": ",".join(PARTS)}
+    defaults["--planners"] = FLOWN
     chosen = {"--drawn": given.drawn, "--drawn-runs": given.drawn_runs, "--parts": given.parts}
+    chosen["--planners"] = given.planners
     words += [f"{key} {chosen[key]}" for key, usual in defaults.items() if chosen[key] != usual]
     return " ".join(["python scripts/evidence.py", *words])
 

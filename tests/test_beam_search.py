@@ -12,7 +12,15 @@ from oracles import arc
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from formulations.beam_search import Link, search, search_manoeuvres, selection, turn_candidates
+from formulations.beam_search import (
+    Link,
+    ToGo,
+    cost_to_go,
+    search,
+    search_manoeuvres,
+    selection,
+    turn_candidates,
+)
 from formulations.beam_search.branching import Kind, branching
 from formulations.beam_search.compiled import Compiled, machine_code
 from formulations.beam_search.interpreted import Interpreted
@@ -275,7 +283,7 @@ def test_lost_throughput_costs_its_share_at_the_stages_ends():
     assert tuple(search_manoeuvres(**given, beam_width=5**3).x) != best
 
 
-def ranked_by_hand(given, per_metre, width):
+def ranked_by_hand(given, per_metre, near, width):
     """The sequence that a beam of a width ends with, each of its nodes ranked by cost and by what its own distance will cost."""
     rates, share = given["turn_rates"], given["weights"] / given["weights"].sum()
     whole = list(itertools.product(rates, repeat=len(given["stages"].duration)))
@@ -287,21 +295,34 @@ def ranked_by_hand(given, per_metre, width):
         for turns in whole:
             if turns[:s] in kept:
                 away = np.linalg.norm(places[turns][s] - given["tracks"].position[s], axis=1)
-                rank[turns[: s + 1]] = costs[turns][s] + share * per_metre @ away
+                rank[turns[: s + 1]] = costs[turns][s] + share * per_metre @ np.maximum(
+                    away - near, 0
+                )
         kept = sorted(rank, key=rank.get)[: width if s + 1 < len(whole[0]) else 1]
     return kept[0], costs[kept[0]][-1]
 
 
 def test_nodes_at_every_level_are_ranked_by_cost_and_what_their_own_distance_will_cost():
     rng, others = np.random.default_rng(17), 0
-    for _ in range(4):
+    for near in (0.0, 0.0, 30.0, 30.0):
         given, per_metre = problem(rng), rng.uniform(0.01, 0.2, 2)
-        turns, cost = ranked_by_hand(given, per_metre, 4)
-        found = search_manoeuvres(**given, per_metre=per_metre, beam_width=4)
+        turns, cost = ranked_by_hand(given, per_metre, near, 4)
+        found = search_manoeuvres(**given, to_go=ToGo(per_metre, near), beam_width=4)
         assert tuple(found.x) == turns
         assert found.objective == pytest.approx(cost, rel=1e-8)  # without what is to come
         others += tuple(search_manoeuvres(**given, beam_width=4).x) != turns
     assert others > 0
+
+
+def test_nothing_is_to_come_within_twenty_errors_of_a_range_or_where_errors_grow():
+    told = {"speed": 2.0, "horizon": 30.0, "criterion": "trace"}
+    P = np.diag([4.0, 9.0, 1.0, 1.0])[None]
+    plain = cost_to_go(P, ranging=Ranging(1.5), **told)
+    assert plain.per_metre == pytest.approx(0.1 * 13.0 / 60.0)
+    assert plain.near == 30.0
+    squared = cost_to_go(P, ranging=Ranging(10.0, squared=True), **told)
+    assert 10.0 / (2 * squared.near) == pytest.approx(squared.near / 20)  # of the range itself
+    assert cost_to_go(P, ranging=Ranging(1.5, growth=0.01), **told) == ToGo()
 
 
 def test_narrow_beam_says_what_its_sequence_costs_and_loses_little():
@@ -425,7 +446,7 @@ def test_machine_code_finds_what_arrays_find_to_the_last_bit(
         speed=2.0,
         ranging=ranging,
         link=link,
-        per_metre=np.array([0.03, 0.2]),
+        to_go=ToGo(np.array([0.03, 0.2]), 10.0),
     )
     form, linked = ranging.form, link.weight > 0
     if spoilt:  # one turn of the second stage leads nowhere
@@ -443,7 +464,7 @@ def test_machine_code_finds_what_arrays_find_to_the_last_bit(
 def test_machine_code_goes_stage_by_stage_as_arrays_do():
     given = problem(np.random.default_rng(21), auvs=3, stages=3)
     names = ("tracks", "process_noise", "weights", "stages", "turn_rates", "speed", "ranging")
-    told = search._told(*(given[name] for name in names), per_metre=0.1)
+    told = search._told(*(given[name] for name in names), to_go=ToGo(0.1, 10.0))
     machine, arrays = beams(3, 3, 40)
     rng, covariance = np.random.default_rng(22), pack_array(given["covariance"])
     for beam in (machine, arrays):
@@ -468,7 +489,7 @@ def test_what_is_to_come_counts_slant_distances_where_ranges_are_slant():
         beam = Interpreted(branching(Kind(2, 5, EVERYTHING.form, "trace")), 5, 9)
         beam.begin(given["pose"], pack_array(given["covariance"]))
         told = search._told(
-            *(given[name] for name in names), ranging=EVERYTHING, per_metre=per_metre
+            *(given[name] for name in names), ranging=EVERYTHING, to_go=ToGo(per_metre)
         )
         ranks.append(beam.branch(told[0]).copy())
     share = given["weights"] / given["weights"].sum()

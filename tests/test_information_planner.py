@@ -10,7 +10,7 @@ from oracles import Spy, arc, scenario, told
 from scipy.stats import ttest_rel
 
 import obsplan as op
-from formulations.beam_search import branching, compiled, search_manoeuvres, turn_candidates
+from formulations.beam_search import ToGo, branching, compiled, search_manoeuvres, turn_candidates
 from formulations.beam_search.search import beam_of
 from formulations.model import compiler
 from formulations.model.covariance import condition_on_range
@@ -94,7 +94,8 @@ def test_decision_is_the_first_turn_of_the_search_it_describes():
         ranging=Ranging(7.0, squared=True),
         criterion="log-det",
         beam_width=9,
-        per_metre=0.1 * 2 / (2.0 * 12.0),  # two dimensions; speed and horizon of the vehicle
+        # two dimensions, speed and horizon of the vehicle; an error of 7 m^2 is one of d / 20 there
+        to_go=ToGo(0.1 * 2 / (2.0 * 12.0), math.sqrt(70.0)),
     )
     decision = mine.plan(pose, auvs, time=5.0)
     assert (decision.turn_rate, decision.score, decision.status) == (
@@ -177,9 +178,7 @@ def from_afar(steps):
 
 def test_comes_back_from_afar_because_of_what_its_distance_will_cost(monkeypatch):
     assert from_afar(100) < 150.0
-    monkeypatch.setattr(
-        information, "cost_per_metre", lambda covariance, **_: np.zeros(len(covariance))
-    )
+    monkeypatch.setattr(information, "cost_to_go", lambda *_, **__: ToGo())
     assert from_afar(100) > 300.0
 
 

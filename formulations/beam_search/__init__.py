@@ -7,13 +7,13 @@ With a compiler the whole search is one call of machine code (`.compiled`).
 
 from .search import Link, search_manoeuvres, turn_candidates
 from .selection import Violation
-from .to_go import cost_per_metre, near_enough
+from .to_go import ToGo, cost_to_go
 
 __all__ = [
     "Link",
+    "ToGo",
     "Violation",
-    "cost_per_metre",
-    "near_enough",
+    "cost_to_go",
     "search_manoeuvres",
     "turn_candidates",
 ]

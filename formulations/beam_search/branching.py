@@ -17,7 +17,7 @@ TINY = 1e-30  # [m^4]; a position known exactly has no logarithm
 # aid vehicle is above it, how many ranges there are, and the root of what else is known then.
 AT_RANGES = ("x", "y", "height", "pings", "root_east", "root_both", "root_north")
 # ``per_metre`` is what each metre to the AUV costs that is to come, weighted as the AUV is, and
-# beyond ``near``.
+# beyond ``near`` [m].
 AUV = (
     *(f"{name}_before" for name in AT_RANGES),
     *AT_RANGES,

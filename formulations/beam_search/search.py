@@ -16,6 +16,7 @@ from .compiled import Compiled, machine_code
 from .interpreted import Interpreted
 from .limits import Limits
 from .selection import Feasibility, Violation
+from .to_go import NOTHING, ToGo
 
 
 class Link(NamedTuple):
@@ -56,8 +57,7 @@ def search_manoeuvres(
     known: Float[np.ndarray, "S M 2 2"] | None = None,
     link: Link = FREE,
     doubts: Float[np.ndarray, " M"] | None = None,
-    per_metre: Float[np.ndarray, " M"] | float = 0.0,
-    near: float = 0.0,
+    to_go: ToGo = NOTHING,
 ) -> Solution:
     """Find the turns, one a stage, after which the AUVs' position covariances are smallest.
 
@@ -97,12 +97,10 @@ def search_manoeuvres(
         Standard deviations [m] of each coordinate by which AUVs may be elsewhere, besides what
         their covariances say: the second order of ranges counts them, so the vehicle keeps a
         distance. Default: 0.
-    per_metre
-        What each metre between the aid vehicle and an AUV will cost beyond the horizon, in the
-        criterion's unit per metre (`cost_per_metre`): added at each stage, for the distance there
-        alone, to what sequences are ranked by. Distances are slant where ranges are. Default: 0.
-    near
-        Distance [m] from an AUV up to which nothing is to come (`near_enough`). Default: 0.
+    to_go
+        What the distance from the AUVs will cost beyond the horizon (`cost_to_go`): added at each
+        stage, for the distance there alone, to what sequences are ranked by. Distances are slant
+        where ranges are. Default: nothing.
 
     Returns
     -------
@@ -119,7 +117,6 @@ def search_manoeuvres(
         A criterion that is not known; numbers of AUVs or stages that are not the same everywhere.
     """
     S, M, K = len(stages.duration), len(weights), len(turn_rates)
-    n = covariance.shape[-1]
     _check_shapes(covariance, process_noise, tracks, M, S)
     width = min(beam_width, K**S)
     doubts = np.zeros(M) if doubts is None else doubts
@@ -128,7 +125,7 @@ def search_manoeuvres(
         K,
         ranging.form,
         criterion,
-        n,
+        covariance.shape[-1],
         aided=known is not None,
         linked=link.weight > 0,
         doubted=bool(doubts.any()),
@@ -142,27 +139,35 @@ def search_manoeuvres(
         turn_rates,
         speed,
         ranging,
-        known,
-        link,
-        doubts,
-        per_metre,
-        near,
+        known=known,
+        link=link,
+        doubts=doubts,
+        to_go=to_go,
     )
     sequences.begin(pose, pack_array(covariance))
-    first = worst = 0.0
     if violation is None and first_violation is None:
         sequences.search(told)
-    else:
-        own = np.zeros(K) if first_violation is None else first_violation
-        feasible = Feasibility(
-            violation,
-            own,
-            turn_rates=turn_rates,
-            speed=speed,
-            durations=stages.duration,
-            limits=limits,
-        )
-        first, worst = _within_limits(sequences, feasible, told, width)
+        return _solution(sequences, told, turn_rates, 0.0, 0.0)
+    feasible = Feasibility(
+        violation,
+        np.zeros(K) if first_violation is None else first_violation,
+        turn_rates=turn_rates,
+        speed=speed,
+        durations=stages.duration,
+        limits=limits,
+    )
+    broken = _within_limits(sequences, feasible, told, width)
+    return _solution(sequences, told, turn_rates, *broken)
+
+
+def _solution(
+    sequences: Compiled | Interpreted,
+    told: Float[np.ndarray, "S told"],
+    turn_rates: Float[np.ndarray, " K"],
+    first: float,
+    worst: float,
+) -> Solution:
+    """The first sequence of the last beam, of which two violations [m] are known."""
     cost, turns, poses = sequences.first(told)
     return Solution(
         x=turn_rates[turns],
@@ -230,8 +235,7 @@ def _told(
     known: Float[np.ndarray, "S M 2 2"] | None = None,
     link: Link = FREE,
     doubts: Float[np.ndarray, " M"] | float = 0.0,
-    per_metre: Float[np.ndarray, " M"] | float = 0.0,
-    near: float = 0.0,
+    to_go: ToGo = NOTHING,
 ) -> Float[np.ndarray, "S told"]:
     """What a branching is told at each stage; see `branching`."""
     S, M = tracks.heading.shape
@@ -253,8 +257,8 @@ def _told(
     auv[..., AUV.index("doubt")] = doubts
     weight = weights / weights.sum()
     auv[..., AUV.index("weight")] = weight
-    auv[..., AUV.index("per_metre")] = weight * per_metre
-    auv[..., AUV.index("near")] = near
+    auv[..., AUV.index("per_metre")] = weight * to_go.per_metre
+    auv[..., AUV.index("near")] = to_go.near
     stage[:, 0] = stages.duration
     stage[:, 1] = stages.duration / stages.duration.sum()
     stage[:, 2 : 2 + len(LAW)] = ranging.numbers

@@ -15,6 +15,7 @@ only what is beyond `near_enough` counts.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -28,39 +29,57 @@ WORSE = 0.1
 ERRORS = 20.0
 
 
-def cost_per_metre(
-    covariance: Float[np.ndarray, "M n n"], *, speed: float, horizon: float, criterion: str
-) -> Float[np.ndarray, " M"]:
-    """What each metre between the aid vehicle and an AUV costs, in the criterion's unit.
+class ToGo(NamedTuple):
+    """What is to come by the distance from each AUV: so much a metre, beyond a distance."""
+
+    per_metre: Float[np.ndarray, " M"] | float = 0.0  # in the criterion's unit [m^2/m or 1/m]
+    near: float = 0.0  # [m]
+
+
+NOTHING = ToGo()
+
+
+def cost_to_go(
+    covariance: Float[np.ndarray, "M n n"],
+    *,
+    ranging: Ranging,
+    speed: float,
+    horizon: float,
+    criterion: str,
+) -> ToGo:
+    """What each metre between the aid vehicle and an AUV costs beyond the horizon.
+
+    Where errors grow with the distance, what ranges tell keeps the vehicle where they tell most:
+    there is nothing to add.
 
     Parameters
     ----------
     covariance
         Of each AUV's state now (`formulations.model.covariance`).
+    ranging
+        How ranges err.
     speed, horizon
         Of the aid vehicle [m/s]; over which the criterion is averaged [s].
     criterion
-        ``trace`` [m^2/m] or ``log-det`` [1/m] of the position covariance, the depth's with it where
-        it is a state.
+        ``trace`` [m^2] or ``log-det`` [-] of the position covariance, the depth's with it where it
+        is a state.
     """
+    if ranging.growth > 0:
+        return NOTHING
     position = [0, 1, *range(DEPTH, covariance.shape[-1])]
     if criterion == "trace":
         grows = covariance[:, position, position].sum(axis=-1)
     else:
         grows = np.full(len(covariance), float(len(position)))
-    return WORSE * grows / (speed * horizon)
+    return ToGo(WORSE * grows / (speed * horizon), near_enough(ranging))
 
 
 def near_enough(ranging: Ranging) -> float:
     """How near [m] an AUV the aid vehicle need not come nearer.
 
     There a range's error is a twentieth of the distance. Nearer, the filter's linearisation, of
-    which covariances know nothing, costs more than faster bearings gain. Where errors grow with the
-    distance, or ranges are slant, what ranges tell keeps the vehicle where they tell most: there
-    is nothing to add, and every distance is near.
+    which covariances know nothing, costs more than faster bearings gain.
     """
-    if ranging.growth > 0 or ranging.slant:
-        return math.inf
     if ranging.squared:  # an error of s in the square is one of s / (2 d) in the range
         return math.sqrt(ERRORS * ranging.sigma / 2)
     return ERRORS * ranging.sigma

@@ -10,8 +10,7 @@ from jaxtyping import Float
 
 from formulations.beam_search import (
     Link,
-    cost_per_metre,
-    near_enough,
+    cost_to_go,
     search_manoeuvres,
     turn_candidates,
 )
@@ -169,9 +168,12 @@ class InformationHorizon:
             return None
         state, turn_rates = np.array([pose.x, pose.y, pose.heading]), self._candidates
         doubts = np.minimum([auv.doubt for auv in auvs], greatest_doubt(self.situation))
-        horizon = float(stages.duration.sum())
-        to_come = cost_per_metre(
-            covariance, speed=cna.speed, horizon=horizon, criterion=self.criterion
+        to_go = cost_to_go(
+            covariance,
+            ranging=self.situation.ranging,
+            speed=cna.speed,
+            horizon=float(stages.duration.sum()),
+            criterion=self.criterion,
         )
         limits = LimitsAhead(self.situation, auvs, companions) if self.constraints else None
         return search_manoeuvres(
@@ -192,8 +194,7 @@ class InformationHorizon:
             first_violation=None
             if limits is None
             else limits.first_move(state, turn_rates, cna.speed),
-            per_metre=to_come,
-            near=near_enough(self.situation.ranging),
+            to_go=to_go,
             doubts=doubts,
             known=told(companions, auvs, time, stages, self.situation.current),
         )

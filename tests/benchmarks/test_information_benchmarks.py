@@ -70,8 +70,8 @@ def in_numpy(
         after = ranged(P[:, None, :, :2, :2], x, ranging.sigma, pings)
         trace = after[..., 0, 0] + after[..., 1, 1]
         total = (cost[:, None] + trace @ weights * (h / stages.duration.sum())).ravel()
-        beyond = np.maximum(np.linalg.norm(x, axis=-1) - options["near"], 0.0)
-        rank = total + (beyond @ (weights * options["per_metre"])).ravel()
+        beyond = np.maximum(np.linalg.norm(x, axis=-1) - options["to_go"].near, 0.0)
+        rank = total + (beyond @ (weights * options["to_go"].per_metre)).ravel()
         keep = np.argsort(rank, kind="stable")[: options["beam_width"]]
         parent, turn = np.divmod(keep, K)
         P = ranged(P[parent], x[parent, turn], ranging.sigma, pings)
