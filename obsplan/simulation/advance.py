@@ -1,7 +1,7 @@
 """A mission's memory, and some time steps in one call on it."""
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import prod
 from typing import Any
 
@@ -20,7 +20,8 @@ class Memory:
     """What a flight reads and writes, with one row for each step.
 
     Fields are views, so that nothing is moved between what is computed and what is recorded. A
-    field of the carry that is held has the present sample only.
+    field of the carry that is held has the present sample only. Covariances are the larger half and
+    have a block of their own, which a run does not keep.
     """
 
     def __init__(
@@ -28,8 +29,11 @@ class Memory:
     ) -> None:
         steps = len(inputs.time)
         self.held = HELD if covariances else (*HELD, "covariance")
-        recorded = {n: a.shape for n, a in first._asdict().items() if n not in self.held}
-        self.recorded, states = room(steps + 1, recorded)
+        self.recorded, states = [], {}
+        for names in blocks(Carry._fields, self.held):
+            block, views = room(steps + 1, {name: getattr(first, name).shape for name in names})
+            self.recorded.append(block)
+            states |= views
         given = {name: values.shape[1:] for name, values in inputs._asdict().items()}
         self.given, told = room(steps, given)
         self.logged, logs = room(steps, {n: shape_of(n, scenario) for n in Log._fields})
@@ -47,12 +51,13 @@ class Advance(threading.local):
     def __init__(self, step: ca.Function, count: int, held: tuple[str, ...]) -> None:
         packed, sizes = packed_step(step, held)
         self._held = [name for name in sizes if name in held]
-        buffer, self._run = in_sequence(packed, count, 2).buffer()
-        rows = packed.size1_in(1)
+        rows = packed.size1_in(0)
         self._before, self._after = np.empty(rows), np.empty((count, rows))
+        carried = packed.n_out() - 1  # logs are the last
+        buffer, self._run = in_sequence(packed, count, carried).buffer()
         # CasADi's own signatures are wrong
-        buffer.set_arg(1, self._before.data)  # pyright: ignore[reportCallIssue]
-        buffer.set_res(1, self._after.data)  # pyright: ignore[reportCallIssue]
+        buffer.set_arg(0, self._before.data)  # pyright: ignore[reportCallIssue]
+        buffer.set_res(0, self._after.data)  # pyright: ignore[reportCallIssue]
         self._buffer, self._count = buffer, count
         of_held = {name: sizes[name] for name in self._held}
         self._parts = fields(self._before[None], of_held)
@@ -61,11 +66,11 @@ class Advance(threading.local):
     def __call__(self, memory: Memory, k: int) -> None:
         """Take the steps from step k on."""
         end = k + self._count
-        before, given = memory.recorded[k], memory.given[k:end]
-        after, logged = memory.recorded[k + 1 : end + 1], memory.logged[k:end]
-        for i, rows in ((0, before), (2, given)):
+        before = [block[k] for block in memory.recorded]
+        after = [block[k + 1 : end + 1] for block in memory.recorded]
+        for i, rows in enumerate([*before, memory.given[k:end]], start=1):
             self._buffer.set_arg(i, rows.data)  # pyright: ignore[reportCallIssue]
-        for i, rows in ((0, after), (2, logged)):
+        for i, rows in enumerate([*after, memory.logged[k:end]], start=1):
             self._buffer.set_res(i, rows.data)  # pyright: ignore[reportCallIssue]
         # of hypotheses a step may have less room than the carry
         for name, part in self._parts.items():
@@ -78,25 +83,33 @@ class Advance(threading.local):
 def packed_step(step: ca.Function, held: tuple[str, ...]) -> tuple[ca.Function, Sizes]:
     """The step of columns, and its fields' axes.
 
-    It is of (recorded, held, inputs), and gives the first two anew and what is logged.
+    It is of (held, recorded blocks, inputs), and gives all but the last anew and what is logged.
     """
     names = step.name_in()
-    recorded = [name for name in names if name in Carry._fields and name not in held]
     kept = [name for name in names if name in held]
+    carried = [kept, *blocks(names, held)]
     given = [name for name in names if name in Inputs._fields]
     logged = [name for name in step.name_out() if name in Log._fields]
     sizes = {name: step.size_in(name)[::-1] for name in names}
     columns, arguments = [], {}
-    for parts in (recorded, kept, given):
+    for parts in (*carried, given):
         column = matrix("column", sum(prod(sizes[name]) for name in parts))
         ends = np.cumsum([0, *(prod(sizes[name]) for name in parts)]).tolist()
         for name, part in zip(parts, ca.vertsplit(column, ends), strict=True):
             arguments[name] = ca.reshape(part, *sizes[name][::-1])
         columns.append(column)
     found: dict[str, Any] = step(**arguments)
-    after = [[f"next_{name}" for name in recorded], [f"next_{name}" for name in kept], logged]
-    results = [ca.vertcat(*(ca.vec(found[name]) for name in parts)) for parts in after]
+    after = [[f"next_{name}" for name in parts] for parts in carried]
+    results = [ca.vertcat(*(ca.vec(found[name]) for name in parts)) for parts in (*after, logged)]
     return ca.Function("packed", columns, results), sizes
+
+
+def blocks(names: Iterable[str], held: Iterable[str]) -> list[list[str]]:
+    """Which fields of a carry, of those not held, are in one block: covariances are alone."""
+    recorded = [name for name in names if name in Carry._fields and name not in held]
+    apart = [name for name in recorded if name == "covariance"]
+    together = [name for name in recorded if name not in apart]
+    return [together, apart] if apart else [together]
 
 
 def room(samples: int, sizes: Sizes) -> tuple[np.ndarray, dict[str, np.ndarray]]:
