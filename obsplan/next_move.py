@@ -12,6 +12,7 @@ from obsplan.constraints import Constraints
 
 MOVE_POINTS = 16  # at which the way to the next decision is held against the limits
 LOITER_POINTS = 9  # at which a loiter in a current is held against the limits
+ESCAPE_POINTS = 16  # at which what may follow the next decision is held against separations
 
 
 class Stream(NamedTuple):
@@ -64,9 +65,14 @@ def first_move_violation(
     circles are loiters (`loiter_violation`), which take finer steering than a candidate held until
     the next decision: there the last is not promised.
 
-    It is preferred where no separation can be kept: whatever breaks a fixed limit counts as worse
+    Distances to vehicles that move are held to less: as they are expected to go on, one of the two
+    smallest half circles, or going straight on for as long, must keep the separations after the
+    next decision (`Escapes`). Of what comes after that nothing is promised.
+
+    A fixed limit is preferred where no separation can be kept: whatever breaks one counts as worse
     than the worst that does not. Distances change by no more than the vehicles move. Half of that
-    between the points looked at is added, so that nothing between them is missed.
+    between the points looked at is added, so that nothing between them is missed before the next
+    decision.
 
     Parameters
     ----------
@@ -83,7 +89,8 @@ def first_move_violation(
         How many of the last of ``auvs`` are other aid vehicles.
     """
     times = interval * np.arange(1, MOVE_POINTS + 1) / MOVE_POINTS
-    poses = stream.over_ground(arcs(pose, turn_rates, speed, times), times)
+    in_water = arcs(pose, turn_rates, speed, times)
+    poses = stream.over_ground(in_water, times)
     positions = poses[..., :2]
     half_step = 0.5 * (speed + math.hypot(*stream.current)) * interval / MOVE_POINTS
     centers, reach = _loiters(poses[:, -1], radius, stream)
@@ -97,10 +104,44 @@ def first_move_violation(
     strides = 0.5 * np.max(np.linalg.norm(np.diff(known, axis=0), axis=-1), axis=-1, initial=0.0)
     broken = constraints.separation_violation(positions, known[1:], margin, aids=aids)
     apart = np.max(broken + strides, axis=-1)
+    if speed > 0 and (aids or constraints.separates):
+        ways = Escapes(in_water[:, -1], interval, speed, radius, stream)
+        apart = np.maximum(apart, ways.violation(constraints, auvs, margin, aids))
     worst = np.maximum(fixed, apart) + half_step
     return np.where(
         fixed + half_step > 0, worst + max(0.0, float(np.max(apart)) + half_step), worst
     )
+
+
+class Escapes(NamedTuple):
+    """What a vehicle can do after its next decision to stay away from others, or near them."""
+
+    poses: Float[np.ndarray, "K 3"]  # at that decision, in the water [m, rad]
+    begin: float  # when that is, from now [s]
+    speed: float  # [m/s]
+    radius: float  # of the smallest circle [m]
+    stream: Stream
+
+    def violation(
+        self,
+        constraints: Constraints,
+        auvs: Callable[[Float[np.ndarray, " points"]], Float[np.ndarray, "points M 2"]],
+        margin: Float[np.ndarray, " M"] | float,
+        aids: int,
+    ) -> Float[np.ndarray, " K"]:
+        """How far [m] the best of them breaks a separation.
+
+        They are the half circles to both sides, after which the vehicle is under way back, and
+        straight on for as long.
+        """
+        limit = self.speed / self.radius
+        since = np.pi / limit * np.arange(1, ESCAPE_POINTS + 1) / ESCAPE_POINTS
+        turns = np.array([limit, 0.0, -limit])
+        ways = arcs(self.poses[:, None], turns[None], self.speed, since)
+        times = self.begin + since
+        positions = self.stream.over_ground(ways, times)[..., :2]
+        broken = constraints.separation_violation(positions, auvs(times), margin, aids=aids)
+        return broken.max(axis=-1).min(axis=-1)
 
 
 def loiter_violation(

@@ -91,7 +91,7 @@ class LimitsAhead:
         turn_rates: Float[np.ndarray, " K"],
         speed: float,
     ) -> Float[np.ndarray, " K"]:
-        """How far [m] each turn breaks a limit before the next decision, or later without fail."""
+        """How far [m] turns break a limit before the next decision, or without fail after it."""
         return first_move_violation(
             self.situation.constraints,
             state,
@@ -142,9 +142,9 @@ def within_limits(
 ) -> Decision:
     """Replace a manoeuvre that breaks a limit by the nearest turn that breaks none.
 
-    A manoeuvre breaks one before the next decision, or by leaving no circle to turn on. If every
-    turn does, the least violating one is taken. The status says which. Beliefs that are not
-    finite count for nothing.
+    A manoeuvre breaks one before the next decision, or by leaving no circle to turn on, or no way
+    to keep separations, after it. If every turn does, the least violating one is taken. The status
+    says which. Beliefs that are not finite count for nothing.
     """
     state = np.array([pose.x, pose.y, pose.heading])
     if not np.isfinite(state).all():
