@@ -8,6 +8,7 @@ from obsplan.thesis import (
     horizon,
     inertia,
     penalty,
+    study_blend,
     study_gramian,
     study_inertia,
     study_speeds,
@@ -26,6 +27,7 @@ CHAPTERS: tuple[tuple[Item, ...], ...] = (
     baselines.BASELINES,
     appendix.ITEMS,
     study_gramian.ITEMS,
+    study_blend.ITEMS,
     study_inertia.ITEMS,
     study_speeds.ITEMS,
 )
