@@ -11,6 +11,7 @@ from obsplan.thesis import (
     study_blend,
     study_gramian,
     study_inertia,
+    study_measure,
     study_speeds,
     tables,
 )
@@ -30,5 +31,6 @@ CHAPTERS: tuple[tuple[Item, ...], ...] = (
     study_blend.ITEMS,
     study_inertia.ITEMS,
     study_speeds.ITEMS,
+    study_measure.ITEMS,
 )
 ITEMS: dict[str, Item] = {item.name: item for chapter in CHAPTERS for item in chapter}

@@ -8,11 +8,9 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 
-from obsplan.campaign.statistics import LEVEL, holm, signed_rank_p
-from obsplan.report.evidence import chance
 from obsplan.report.style import AID, colour
 from obsplan.thesis.drawing import log_ticks
-from obsplan.thesis.montecarlo import figure, spread
+from obsplan.thesis.montecarlo import spread
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,6 +19,8 @@ SHARE = 5  # a fifth of the seeds for each case of a study
 # seeds of a case at least: with fewer, Wilcoxon's test finds nothing below 0.05, whatever happens
 FEWEST = 6
 QUARTILES = (0.25, 0.5, 0.75)
+SMALLEST = 0.001  # p that is told as it is
+LEVEL = 0.05  # of significance: a difference with a smaller p is not put down to chance
 
 Case = tuple[str, ...]
 
@@ -57,8 +57,8 @@ class Paired:
         """How it compares with its reference."""
         if np.isnan(self.p):
             return "the reference"
-        p = chance(self.p)
-        return f"{factors(self.ratios)} times, p {p if p.startswith('<') else f'= {p}'}"
+        chance = "< 0.001" if self.p < SMALLEST else f"= {self.p:.2g}"
+        return f"{factors(self.ratios)} times, p {chance}"
 
 
 def seeds(runs: int, seed: int) -> range:
@@ -86,6 +86,8 @@ def compare(
     errors: Mapping[Case, np.ndarray], reference: Callable[[Case], Case]
 ) -> dict[Case, Paired]:
     """Each case beside its reference, which is a case too."""
+    from obsplan.campaign.statistics import holm, signed_rank_p
+
     ratios = {case: own / errors[reference(case)] for case, own in errors.items()}
     tested = [case for case in errors if reference(case) != case]
     chances = np.array([signed_rank_p(np.log(ratios[case])) for case in tested])
@@ -95,14 +97,9 @@ def compare(
 
 def table(heading: Sequence[str], compared: Mapping[Case, Paired]) -> list[list[str]]:
     """A row for each case; ``heading`` names the parts of a case."""
-    rows = [
-        [*heading, "RMS error [m]", "times the reference's", "p (Wilcoxon, Holm)"],
-    ]
+    rows = [[*heading, "RMS error [m]", "to the reference"]]
     for case, one in compared.items():
-        of_reference = ["the reference", ""] if np.isnan(one.p) else []
-        rows.append(
-            [*case, spread(one.errors), *(of_reference or [factors(one.ratios), chance(one.p)])]
-        )
+        rows.append([*case, spread(one.errors), one.against])
     return rows
 
 
@@ -127,8 +124,3 @@ def draw_options(axes: Axes, data: "xr.Dataset", option: str, variable: str, lab
     log_ticks(axes, "x")
     for y in range(1, len(values)):
         axes.axhline(y - 0.5, color=AID, lw=0.4)
-
-
-def metres_by(names: Sequence[str], values: Sequence[float]) -> str:
-    """Names with lengths, as a list."""
-    return ", ".join(f"{name} {figure(value)} m" for name, value in zip(names, values, strict=True))

@@ -8,7 +8,6 @@ import casadi as ca
 import numpy as np
 from matplotlib.figure import Figure
 
-from obsplan.campaign.statistics import tail
 from obsplan.planners.path_inertia import PathInertia
 from obsplan.planning.expressions import Command, Targets, decide
 from obsplan.planning.situation import Situation
@@ -152,6 +151,8 @@ def lost(data: "xr.Dataset") -> dict[str, int]:
 
 def recommended(data: "xr.Dataset") -> str:
     """The fixed share under which the error that 95 % of the missions keep within is least."""
+    from obsplan.campaign.statistics import tail
+
     tails = tail(data.rms_error.transpose("share", "seed").values)
     return share_of(float(data.share.values[tails.argmin()]))
 
