@@ -33,6 +33,7 @@ _HOME = {
     "best_distance": "model.worth",
     "least_sigma": "model.worth",
     "position_schur_complement": "metrics",
+    "relative_motion_index": "metrics",
     "position_schur_expression": "metrics",
     "quadrature_weights": "gramian",
     "radius_threshold": "path_inertia",
@@ -115,6 +116,7 @@ if TYPE_CHECKING:
     from formulations.metrics import log_det as log_det
     from formulations.metrics import position_schur_complement as position_schur_complement
     from formulations.metrics import position_schur_expression as position_schur_expression
+    from formulations.metrics import relative_motion_index as relative_motion_index
     from formulations.metrics import score as score
     from formulations.metrics import score_expression as score_expression
     from formulations.metrics import smallest_eigenvalue as smallest_eigenvalue

@@ -138,6 +138,43 @@ def check_blend_weight(weight: float) -> None:
         raise ValueError(f"blend weight must be finite and at least 0, got {weight}")
 
 
+def relative_motion_index(
+    x: tuple[Any, Any], v: tuple[Any, Any], time_scale: float = 1.0
+) -> Expression:
+    r"""Return how observable a relative position is at one instant, from 0 to 1, the best.
+
+    .. math:: \frac{\sigma_{\min}(O)}{\sigma_{\max}(O)} = \frac{2 |c|}{a + b +
+              \sqrt{(a - b)^2 + 4 g^2}}, \quad O = \begin{bmatrix} x^\top \\ \tau v^\top
+              \end{bmatrix}
+
+    with a = ‖x‖², b = τ²‖v‖², c = τ (x1 v2 - x2 v1), g = τ x·v. The rows of O are the gradients of
+    half the squared range and of its rate, the velocity being measured. It is 0 where the vehicles
+    move along the line between them, and 1 where they move across it and ‖x‖ = τ‖v‖; nan where
+    both are 0.
+
+    It is the inverse condition number of the observability matrix, in the plane, after Arrichiello,
+    Antonelli, Aguiar and Pascoal, "Observability metric for the relative localization of AUVs based
+    on range and depth measurements: theory and experiments" (IROS 2011), by its description in the
+    thesis its reference [14]. Their index, too, falls with the range and with the angle between
+    relative velocity and position.
+
+    Parameters
+    ----------
+    x, v
+        Relative position [m] and velocity [m/s], two components each: numbers, arrays of one shape,
+        or expressions.
+    time_scale
+        τ [s], in which the velocity counts as a length; the paper has none, which is 1 s.
+    """
+    (x1, x2), (v1, v2) = x, v
+    a = x1 * x1 + x2 * x2
+    b = time_scale**2 * (v1 * v1 + v2 * v2)
+    across = time_scale * (x1 * v2 - x2 * v1)
+    along = time_scale * (x1 * v1 + x2 * v2)
+    spread = ((a - b) ** 2 + 4.0 * along**2) ** 0.5
+    return 2.0 * abs(across) / (a + b + spread)
+
+
 def unobservable_direction(W: Float[np.ndarray, "n n"], names: Sequence[str]) -> dict[str, float]:
     """Name the direction that the outputs see least.
 

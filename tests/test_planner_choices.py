@@ -32,6 +32,12 @@ MISSPELT = {
     'op.PathInertia(op.Situation(op.Unicycle(speed=1.0, min_turn_radius=0.5)), solver="oqsp")': (
         'solver must be one of closed-form, osqp, .*, got "oqsp"'
     ),
+    'from obsplan.sensors.dvl import GroundSpeed; GroundSpeed(direction="up", sigma=0.1)': (
+        'direction must be one of forward, left, got "up"'
+    ),
+    'from obsplan.smoothing.loss import Loss; Loss(kind="hubert")': (
+        'kind must be one of geman-mcclure, huber, squares, got "hubert"'
+    ),
     'op.Lawnmower(legs=2, length=9.0, spacing=1.0, side="up")': (
         'side must be one of left, right, got "up"'
     ),
@@ -133,6 +139,22 @@ def test_gramian_horizon_takes_the_best_candidate_of_brute_force(gramian, metric
     assert decision.score == pytest.approx(totals.min(), rel=1e-8)
     conditions = [horizon_totals([p], [1.0], [decision.turn_rate], **brute)[0] for p in PLACES]
     np.testing.assert_allclose(decision.condition, conditions, rtol=1e-8)
+
+
+@pytest.mark.parametrize("weight", [0.0, 0.3, 8.0])
+def test_blend_weighs_the_index_beside_the_condition_number(weight):
+    planner = op.GramianHorizon(op.Situation(CNA), metric="blend", blend_weight=weight)
+    auvs = [op.Belief.at(*map(float, p), weight=w) for p, w in zip(PLACES, WEIGHTS, strict=True)]
+    brute = {"speed": 1.0, "horizon": HORIZON, "heading": 0.4}
+    of_metric = {
+        m: [horizon_totals([p], [1.0], planner.candidates, metric=m, **brute) for p in PLACES]
+        for m in ("condition-number", "unobservability-index")
+    }
+    logs = [np.log(of_metric[m]).T @ WEIGHTS / np.sum(WEIGHTS) for m in of_metric]
+    totals = logs[0] + weight * logs[1]
+    decision = planner.plan(op.Pose(0.0, 0.0, 0.4), auvs)
+    assert decision.turn_rate == planner.candidates[totals.argmin()]
+    assert decision.score == pytest.approx(totals.min(), rel=1e-8)
 
 
 @pytest.mark.slow

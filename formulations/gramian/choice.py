@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ..metrics import condition_number, score
+from ..metrics import BLEND_WEIGHT, condition_number, score
 from ..model.ties import TIE
 from ..solution import Solution, Status
 from .exact import ExactGramian
@@ -35,6 +35,7 @@ def choose_input(
     t0: float = 0.0,
     R: Float[np.ndarray, "y y"] | Sequence[Any] | None = None,
     metric: str = "condition-number",
+    blend_weight: float = BLEND_WEIGHT,
     weights: Float[np.ndarray, " cases"] | Sequence[float] | None = None,
 ) -> Solution:
     r"""Choose the candidate input under which states are most observable (thesis, Algorithm 2).
@@ -65,6 +66,8 @@ def choose_input(
     metric
         A key of ``METRICS``, lower is better (:func:`score`). Most depend on the units of the
         states.
+    blend_weight
+        Of the metric ``blend`` (:func:`blend`).
     weights
         Of the cases; default: all alike. A case of weight 0 has no say.
 
@@ -91,12 +94,14 @@ def choose_input(
     each_p = None if p is None else p[:, None]
     W = gramian(x0[:, None], controls, horizon=horizon, p=each_p, t0=t0, R=R)
     counts = shares > 0
-    scores, condition = score(metric, W[counts]), condition_number(W)
+    scores, condition = score(metric, W[counts], blend_weight=blend_weight), condition_number(W)
     totals = shares[counts] @ scores
     least = int(np.argmin(totals))
     if not totals[least] < np.inf:
         return Solution.missing(Status.UNOBSERVABLE, inputs[0].size, REMEDIES)
-    size = 1.0 if metric in LOGARITHMS else np.abs(scores[:, least])
+    size = np.abs(scores[:, least])
+    if metric in LOGARITHMS:
+        size = max(1.0, blend_weight) if metric == "blend" else 1.0
     doubt = shares[counts] @ ((TIE + gramian.rounding * condition[counts, least]) * size)
     best = int(np.argmax(totals <= totals[least] + doubt))
     return Solution(

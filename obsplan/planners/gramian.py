@@ -17,7 +17,7 @@ from formulations.gramian.range import (
     displacement_moments,
     gramian_entries,
 )
-from formulations.metrics import position_schur_expression, score_expression
+from formulations.metrics import BLEND_WEIGHT, position_schur_expression, score_expression
 from formulations.model.arcs import arcs
 from formulations.model.casadi import Call
 from formulations.model.frames import to_body
@@ -42,7 +42,7 @@ from obsplan.planning.expressions import (
 from obsplan.planning.fallback import unusable
 from obsplan.planning.limits import LimitsAhead
 from obsplan.planning.situation import Situation
-from obsplan.quantities import CANDIDATES, CIRCLES, INTERVAL
+from obsplan.quantities import CANDIDATES, CIRCLES, INTERVAL, WEIGHT
 from obsplan.types import Belief, Decision, Pose
 
 # Rounding of the entries of W, relative to the largest: of sums and products, and of differences.
@@ -105,6 +105,11 @@ class GramianHorizon:
     metric: Annotated[
         Metric, "of each AUV's Gramian over (east, north, heading); units m, rad (or degrees), s"
     ] = "condition-number"
+    blend_weight: Annotated[
+        float,
+        "of log(unobservability index) beside log(condition number), of metric blend",
+        WEIGHT,
+    ] = BLEND_WEIGHT
     aggregate: Annotated[Literal["mean", "rms", "max"], "over AUVs, by their weights"] = "mean"
     turn_rates: Annotated[int, "number of candidates", CANDIDATES] = 21
     horizon: Annotated[float | None, "look-ahead [s]; default: by circles", INTERVAL] = None
@@ -210,13 +215,18 @@ class GramianHorizon:
         if self.block == "position":
             entries = position_schur_expression(of_pose)
             lost = (of_pose[0] + of_pose[3]) / (entries[0] + entries[2])
-        scores = condition = score_expression(self.metric, entries)
+        scores = condition = score_expression(self.metric, entries, blend_weight=self.blend_weight)
         if self.metric != "condition-number":
             condition = score_expression("condition-number", entries)
         doubt = ROUNDING[self.gramian] * lost * condition
         if self.metric in ("log-det", "blend"):
-            return scores, condition, TIE + doubt
+            return scores, condition, TIE + doubt * self._gain
         return scores, condition, doubt * ca.fabs(scores)
+
+    @property
+    def _gain(self) -> float:
+        """Of a logarithmic metric on the relative error of the smallest eigenvalue."""
+        return max(1.0, self.blend_weight) if self.metric == "blend" else 1.0
 
     def _pose_entries(self, time: Symbolic, pose: Symbolic, targets: Targets) -> Entries:
         """Upper triangles of the Gramians of pose in the body frame, each K x M."""

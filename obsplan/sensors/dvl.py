@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 import casadi as ca
 
-from obsplan.quantities import LOG_SIGMA
+from obsplan.quantities import LOG_SIGMA, check_choices
 from obsplan.sensors.sensor import BEACON, Sensor
 
 CURRENT_STATES = ("current_east", "current_north")  # [m/s], of filters that estimate it
@@ -46,6 +46,9 @@ class GroundSpeed:
     sigma: float  # [m/s]
     # where the current, east and north, stands in the state; None: it is told
     current_at: tuple[int, ...] | None = None
+
+    def __post_init__(self) -> None:
+        check_choices(self)
 
     def measure(self, x: ca.SX, beacon: ca.SX) -> ca.SX:
         """Component [m/s] for state x; the current is the state's own, or as told (`BEACON`)."""

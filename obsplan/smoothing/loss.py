@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from obsplan.quantities import check_choices
 from obsplan.types import ObsplanError
 
 GEMAN_MCCLURE, HUBER, SQUARES = "geman-mcclure", "huber", "squares"
@@ -27,6 +28,9 @@ class Loss:
     kind: Literal["geman-mcclure", "huber", "squares"] = GEMAN_MCCLURE
     scale: float = SCALES[GEMAN_MCCLURE]  # c [standard deviations]
     convexity: float = 1.0
+
+    def __post_init__(self) -> None:
+        check_choices(self)
 
     def cost(self, r: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Loss of each residual."""

@@ -8,8 +8,10 @@ from obsplan.thesis import (
     horizon,
     inertia,
     penalty,
+    study_blend,
     study_gramian,
     study_inertia,
+    study_measure,
     study_speeds,
     tables,
 )
@@ -26,7 +28,9 @@ CHAPTERS: tuple[tuple[Item, ...], ...] = (
     baselines.BASELINES,
     appendix.ITEMS,
     study_gramian.ITEMS,
+    study_blend.ITEMS,
     study_inertia.ITEMS,
     study_speeds.ITEMS,
+    study_measure.ITEMS,
 )
 ITEMS: dict[str, Item] = {item.name: item for chapter in CHAPTERS for item in chapter}

@@ -1,4 +1,4 @@
-"""Open questions about the empirical Gramian method: horizon, time step, aggregate and metric."""
+"""Open questions about the empirical Gramian method: horizon, time step and aggregate."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from formulations.gramian.range import DisplacementMoments, gramian_entries
@@ -16,17 +15,26 @@ from formulations.solution import Status
 from obsplan.planning.expressions import Command, Targets, decide
 from obsplan.planning.fallback import two_thirds_turn
 from obsplan.planning.situation import Situation
-from obsplan.report.style import AID, colour
+from obsplan.report.style import colour
 from obsplan.scenario import Scenario, load
 from obsplan.thesis.drawing import log_ticks, panels
 from obsplan.thesis.item import Finding, Item
-from obsplan.thesis.montecarlo import figure, fly_grid, metres
+from obsplan.thesis.montecarlo import fly_grid
+from obsplan.thesis.paired import (
+    Case,
+    Paired,
+    by_case,
+    compare,
+    draw_medians,
+    draw_options,
+    seeds,
+    table,
+)
 from obsplan.types import Belief, Decision, Pose
 
 if TYPE_CHECKING:
     import xarray as xr
 
-SHARE = 5  # a fifth of the seeds for each case of a study
 SMALL = ("auv.0.survey.legs=3", "auv.0.survey.length=20.0")  # 76 m of survey
 # of the smallest circle; the thesis's is two thirds
 HORIZONS = (
@@ -45,14 +53,13 @@ EULER_STEPS = (
     21,
     84,
 )
-SAME = 0.15  # relative difference of errors that is none
-MATTERS = 1.3  # ratio of the greatest to the least error from which a choice matters
+THESIS = 2 / 3
 PACES = {
     "survey-fast": "aid vehicle 10 times as fast",
     "survey-slow": "aid vehicle as fast as the AUV",
 }
 AGGREGATES = ("mean", "rms", "max")
-METRICS = ("condition-number", "blend", "unobservability-index", "log-det", "trace-inverse")
+WHOSE = {"rms_error": "all AUVs", "worst_auv_rms": "the worst AUV"}
 WIDE = (  # the triangle ten metres wide instead of two
     "auv.0.survey.y=5.0",
     "auv.1.survey.x=-5.0",
@@ -60,11 +67,6 @@ WIDE = (  # the triangle ten metres wide instead of two
     "auv.2.survey.x=5.0",
     "auv.2.survey.y=-5.0",
 )
-
-
-def seeds(runs: int, seed: int) -> range:
-    """Seeds of each case of a study."""
-    return range(seed, seed + max(2, runs // SHARE))
 
 
 @dataclass(frozen=True)
@@ -175,33 +177,46 @@ def draw_horizon(data: "xr.Dataset") -> Figure:
     return figure
 
 
-def draw_medians(axes: Axes, x: np.ndarray, errors: np.ndarray, paint: str, label: str) -> None:
-    """Median over the last axis, and quartiles as a band."""
-    first, median, third = np.quantile(errors, [0.25, 0.5, 0.75], axis=-1)
-    axes.fill_between(x, first, third, color=paint, alpha=0.2, lw=0)
-    axes.plot(x, median, "o-", ms=4, lw=1.0, color=paint, label=label)
+def compare_horizons(data: "xr.Dataset") -> dict[Case, Paired]:
+    """Durations beside the thesis's, and numbers of Euler steps beside the greatest."""
+    errors = {}
+    for name, label in PACES.items():
+        one = data.sel(scenario=name)
+        for turns in HORIZONS:
+            errors[label, circles(turns)] = one.rms_error.sel(turns=turns).values
+        for steps in EULER_STEPS:
+            errors[label, euler(steps)] = one.euler_rms_error.sel(euler_steps=steps).values
+    finest, thesis = euler(EULER_STEPS[-1]), circles(THESIS)
+    return compare(errors, lambda case: (case[0], finest if "Euler" in case[1] else thesis))
+
+
+def circles(turns: float) -> str:
+    """A duration in words."""
+    return f"{turns:.2g} circles"
+
+
+def euler(steps: int) -> str:
+    """A number of steps in words."""
+    return f"{steps} Euler steps"
 
 
 def found_horizon(data: "xr.Dataset") -> Finding:
     """What horizon is best, and how fine is fine enough."""
-    parts = []
-    for name, label in PACES.items():
-        median = data.rms_error.sel(scenario=name).median("seed").values
-        euler = data.euler_rms_error.sel(scenario=name).median("seed").values
-        best = int(median.argmin())
-        thesis = HORIZONS.index(2 / 3)
-        factor = median.max() / median.min()
-        coarse = np.flatnonzero(np.abs(euler / euler[-1] - 1.0) > SAME)
-        enough = EULER_STEPS[coarse[-1] + 1] if coarse.size else EULER_STEPS[0]
+    compared, parts = compare_horizons(data), []
+    for label in PACES.values():
+        durations = {circles(turns): compared[label, circles(turns)] for turns in HORIZONS}
+        medians = {name: np.median(one.errors) for name, one in durations.items()}
+        best = min(medians, key=lambda name: medians[name])
+        worst = max(medians, key=lambda name: medians[name])
+        coarse = [steps for steps in EULER_STEPS if compared[label, euler(steps)].differs]
+        enough = min(steps for steps in EULER_STEPS if steps > max(coarse, default=0))
         parts.append(
-            f"{label}: the duration "
-            f"{'hardly matters' if factor < MATTERS else f'matters by a factor of {factor:.1f}'}, "
-            f"{metres(median[best])} at {HORIZONS[best]:.2g} circles, {metres(median[thesis])} at "
-            f"the thesis's two thirds, {metres(median.max())} at worst; from {enough} Euler steps "
-            f"on, more change nothing ({', '.join(figure(e) for e in euler)} m with "
-            f"{', '.join(map(str, EULER_STEPS))})"
+            f"{label}: {durations[circles(THESIS)].errs} at the thesis's two thirds of a circle; "
+            f"at best {durations[best].errs} at {best} ({durations[best].against}), at worst "
+            f"{durations[worst].errs} at {worst} ({durations[worst].against}); from {enough} Euler "
+            f"steps on no difference from {EULER_STEPS[-1]} can be told"
         )
-    return Finding(agrees=None, sentence=f"Median RMS errors, {'; '.join(parts)}.")
+    return Finding(agrees=None, sentence=f"RMS errors, median [quartiles]. {'; '.join(parts)}.")
 
 
 def formations(*settings: str) -> dict[str, Scenario]:
@@ -225,22 +240,6 @@ def compute_aggregate(*, runs: int, seed: int) -> "xr.Dataset":
     return fly_grid(cases, ("aggregate", "mission"), seeds(runs, seed))
 
 
-def draw_options(axes: Axes, data: "xr.Dataset", option: str, variable: str, label: str) -> None:
-    """Medians and quartiles of each option, side by side for each mission."""
-    values, n = data[variable].transpose("mission", option, "seed").values, data.sizes[option]
-    for k, name in enumerate(data[option].values):
-        y = np.arange(len(values)) + 0.7 * ((k + 0.5) / n - 0.5)
-        first, median, third = np.quantile(values[:, k], [0.25, 0.5, 0.75], axis=-1)
-        axes.hlines(y, first, third, color=colour(k), lw=1.5)
-        axes.plot(median, y, "o", ms=5, color=colour(k), label=str(name))
-    axes.set_yticks(range(len(values)), [str(name) for name in data.mission.values])
-    axes.set_ylim(len(values) - 0.5, -0.5)
-    axes.set_xlabel(label)
-    log_ticks(axes, "x")
-    for y in range(1, len(values)):
-        axes.axhline(y - 0.5, color=AID, lw=0.4)
-
-
 def draw_pair(data: "xr.Dataset", option: str, second: tuple[str, str]) -> Figure:
     """RMS error and another figure of merit by option and mission."""
     figure, axes = panels(2, width=5.5)
@@ -256,67 +255,38 @@ def draw_aggregate(data: "xr.Dataset") -> Figure:
     return draw_pair(data, "aggregate", ("worst_auv_rms", "RMS error of the worst AUV [m]"))
 
 
+def compare_aggregates(data: "xr.Dataset") -> dict[Case, Paired]:
+    """Root mean square and maximum beside the mean, of all AUVs and of the worst."""
+    errors = {}
+    for variable, whose in WHOSE.items():
+        for case, own in by_case(data[variable], "mission", "aggregate").items():
+            errors[*case, whose] = own
+    return compare(errors, lambda case: (case[0], "mean", case[2]))
+
+
 def found_aggregate(data: "xr.Dataset") -> Finding:
     """How much the aggregate matters."""
-    parts = []
+    compared, parts = compare_aggregates(data), []
     for mission in data.mission.values:
-        one = data.sel(mission=mission).median("seed")
-        all_, worst = (
-            one[name].sel(aggregate=list(AGGREGATES)).values
-            for name in ("rms_error", "worst_auv_rms")
-        )
-        parts.append(
-            f"{mission}: RMS {against(all_[1] / all_[0])} mean, maximum "
-            f"{against(all_[2] / all_[0])} mean ({', '.join(map(figure, all_))} m over all, "
-            f"{', '.join(map(figure, worst))} m for the worst AUV)"
-        )
+        each = [
+            f"{whose}: mean {compared[mission, 'mean', whose].errs}, "
+            + ", ".join(
+                f"{aggregate} {compared[mission, aggregate, whose].against}"
+                for aggregate in AGGREGATES[1:]
+            )
+            for whose in WHOSE.values()
+        ]
+        parts.append(f"{mission}, {'; '.join(each)}")
+    told = [one for one in compared.values() if one.differs]
+    better = sum(one.ratio < 1.0 for one in told)
     return Finding(
-        agrees=None, sentence=f"Median errors under mean, RMS and maximum. {'; '.join(parts)}."
+        agrees=None,
+        sentence=(
+            f"Of {2 * len(WHOSE) * data.sizes['mission']} comparisons with the mean, {better} are "
+            f"better and {len(told) - better} worse beyond chance; the others cannot be told from "
+            f"it. RMS errors, median [quartiles], and ratios to the mean's. {'. '.join(parts)}."
+        ),
     )
-
-
-def against(ratio: float) -> str:
-    """How one error compares with another."""
-    if abs(ratio - 1.0) < SAME:
-        return "as good as the"
-    return (
-        f"{ratio:.1f} times the error of the" if ratio > 1.0 else f"{1 - ratio:.0%} better than the"
-    )
-
-
-def compute_blend(*, runs: int, seed: int) -> "xr.Dataset":
-    """Errors by metric and mission."""
-    cases = {}
-    for metric in METRICS:
-        option = f'planner.metric="{metric}"'
-        cases |= {(metric, label): small(name, option) for name, label in PACES.items()}
-        cases[metric, "triangle of 2 m under way"] = load(
-            "mobile-formation", planner="gramian", settings=(option,)
-        )
-    return fly_grid(cases, ("metric", "mission"), seeds(runs, seed))
-
-
-def draw_blend(data: "xr.Dataset") -> Figure:
-    """Error and separation."""
-    return draw_pair(data, "metric", ("separation", "Mean separation [m]"))
-
-
-def found_blend(data: "xr.Dataset") -> Finding:
-    """Whether the blend is better than either."""
-    parts = []
-    for mission in data.mission.values:
-        one = data.sel(mission=mission, metric=list(METRICS)).median("seed")
-        median, away = one.rms_error.values, one.separation.values
-        each = ", ".join(
-            f"{metric} {figure(m)} m ({figure(d)} m)"
-            for metric, m, d in zip(METRICS, median, away, strict=True)
-        )
-        parts.append(
-            f"{mission}: the blend is {against(median[1] / median[0])} condition number and "
-            f"{against(median[1] / median[2])} index; least error by "
-            f"{METRICS[int(median.argmin())]} ({each})"
-        )
-    return Finding(agrees=None, sentence=f"Median RMS error (mean separation). {'; '.join(parts)}.")
 
 
 ITEMS = (
@@ -330,6 +300,7 @@ ITEMS = (
         compute=compute_horizon,
         draw=draw_horizon,
         found=found_horizon,
+        rows=lambda data: table(("mission", "look-ahead"), compare_horizons(data)),
     ),
     Item(
         name="study-aggregate",
@@ -341,16 +312,6 @@ ITEMS = (
         compute=compute_aggregate,
         draw=draw_aggregate,
         found=found_aggregate,
-    ),
-    Item(
-        name="study-blend",
-        title="Condition number, unobservability index, or both",
-        claim=(
-            "Does a combination of the condition number with the unobservability index give "
-            "better paths (chapter 6)?"
-        ),
-        compute=compute_blend,
-        draw=draw_blend,
-        found=found_blend,
+        rows=lambda data: table(("mission", "aggregate", "of"), compare_aggregates(data)),
     ),
 )

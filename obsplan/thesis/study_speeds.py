@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from obsplan.scenario import Scenario, load
 from obsplan.thesis.item import Finding, Item
 from obsplan.thesis.montecarlo import figure, fly_grid
-from obsplan.thesis.study_gramian import seeds
+from obsplan.thesis.paired import QUARTILES, Case, Paired, by_case, compare, seeds, table
 from obsplan.thesis.tables import POLICIES, PRINTED
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ SURVEYS = {  # some hundred metres each, from the thesis's first position
     ),
 }
 METHODS = POLICIES | PRINTED
+GRAMIAN = next(iter(POLICIES))
 DEFEATED = 2.0  # RMS error [m] that tells no more than the first estimate, which is 2 m off
 SCALE, COLOURS = LogNorm(0.1, 100.0), "viridis_r"  # [m]
 
@@ -58,26 +59,36 @@ def compute(*, runs: int, seed: int) -> "xr.Dataset":
 
 def draw(data: "xr.Dataset") -> Figure:
     """A map for each method."""
-    figure = Figure(figsize=(14.0, 3.6), layout="constrained")
+    figure = Figure(figsize=(19.0, 4.0), layout="constrained")
     axes = figure.subplots(1, data.sizes["policy"], sharey=True)
     for one, method in zip(axes, data.policy.values, strict=True):
         _draw_map(one, data.sel(policy=method))
         one.set_title(str(method))
-    figure.colorbar(ScalarMappable(SCALE, COLOURS), ax=list(axes), label="Median RMS error [m]")
+    figure.colorbar(
+        ScalarMappable(SCALE, COLOURS), ax=list(axes), label="Median RMS error [m] (quartiles)"
+    )
     return figure
 
 
+def compare_methods(data: "xr.Dataset") -> dict[Case, Paired]:
+    """Every method beside the Gramian method, by survey and ratio."""
+    errors = by_case(data.rms_error, "policy", "survey", "ratio")
+    return compare(errors, lambda case: (GRAMIAN, *case[1:]))
+
+
 def _draw_map(axes: Axes, data: "xr.Dataset") -> None:
-    median = data.rms_error.transpose("survey", "ratio", "seed").median("seed").values
+    errors = data.rms_error.transpose("survey", "ratio", "seed").values
+    first, median, third = np.quantile(errors, QUARTILES, axis=-1)
     axes.imshow(median, cmap=COLOURS, norm=SCALE, aspect="auto")
-    for (i, k), value in np.ndenumerate(median):
+    for place, value in np.ndenumerate(median):
+        quartiles = f"{figure(first[place])}-{figure(third[place])}"
         axes.text(
-            k,
-            i,
-            figure(value),
+            place[1],
+            place[0],
+            f"{figure(value)}\n({quartiles})",
             ha="center",
             va="center",
-            fontsize=8,
+            fontsize=7,
             color="white" if value > DEFEATED else "black",
         )
     axes.set_xticks(range(len(RATIOS)), [f"{ratio:g}" for ratio in RATIOS])
@@ -88,7 +99,7 @@ def _draw_map(axes: Axes, data: "xr.Dataset") -> None:
 
 def found(data: "xr.Dataset") -> Finding:
     """Which combinations defeat each method."""
-    median, parts = data.rms_error.median("seed"), []
+    median, compared, parts = data.rms_error.median("seed"), compare_methods(data), []
     for method in METHODS:
         lost = []
         for survey in SURVEYS:
@@ -97,12 +108,19 @@ def found(data: "xr.Dataset") -> Finding:
             if ratios:
                 lost.append(f"{survey} at {', '.join(ratios)}")
         worst = float(median.sel(policy=method).max())
-        parts.append(f"{method}: {'; '.join(lost) if lost else 'none'} (worst {figure(worst)} m)")
+        told = [one for case, one in compared.items() if case[0] == method and one.differs]
+        better = sum(one.ratio < 1.0 for one in told)
+        beside = f", better than the Gramian method in {better}, worse in {len(told) - better}"
+        parts.append(
+            f"{method}: {'; '.join(lost) if lost else 'none'} (worst {figure(worst)} m"
+            f"{'' if method == GRAMIAN else beside})"
+        )
     return Finding(
         agrees=None,
         sentence=(
             f"Surveys and speed ratios at which the median RMS error exceeds {DEFEATED:g} m, the "
-            f"first error: {'. '.join(parts)}."
+            f"first error, and in how many of {len(SURVEYS) * len(RATIOS)} a method differs from "
+            f"the Gramian method beyond chance: {'. '.join(parts)}."
         ),
     )
 
@@ -118,5 +136,6 @@ ITEMS = (
         compute=compute,
         draw=draw,
         found=found,
+        rows=lambda data: table(("method", "survey", "ratio of speeds"), compare_methods(data)),
     ),
 )
