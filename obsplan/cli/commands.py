@@ -67,13 +67,17 @@ def run(
         flown, smoother_notes = with_smoothed(flown)
     with progress(f"{name}, path as loaded") as advance:
         exports, fault = exported(flown, advance)
-    folder = write_free(out, name, lambda folder: write_run(flown, folder, exports))
+    said = (*run_notes(flown, smoother_notes), *exports_sentences(exports))
+    folder = write_free(out, name, lambda folder: write_run(flown, folder, exports, notes=said))
     with keeping(folder, WRITTEN):
         show(run_table(flown))
-        for sentence in (*run_notes(flown, smoother_notes), *exports_sentences(exports)):
+        for sentence in said:
             say(sentence)
         paths = [name for export in exports for name in path_names(export).values()]
-        say_written(folder, ", ".join(["map.png", "errors.png", *paths, "tracks.csv and more"]))
+        say_written(
+            folder,
+            ", ".join(["report.html", "map.png", "errors.png", *paths, "tracks.csv and more"]),
+        )
     if fault is not None:
         raise without_paths(fault, folder)
 
