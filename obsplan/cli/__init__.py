@@ -10,6 +10,7 @@ import typer
 from obsplan.cli.campaigns import campaign, campaign_check, campaign_report
 from obsplan.cli.commands import compare, new, run, scenarios, schema, thesis
 from obsplan.cli.replays import recordings, replay
+from obsplan.cli.reports import report
 from obsplan.cli.stopping import is_stop, listen, stop_at_last
 from obsplan.cli.terminal import WRONG_INPUT, complain, open_door, put, say, unwritable
 from obsplan.signals import received
@@ -17,7 +18,7 @@ from obsplan.signals import received
 __all__ = ["main"]
 
 COMMANDS = (
-    *(run, compare, replay, campaign, campaign_check, campaign_report),
+    *(run, compare, replay, report, campaign, campaign_check, campaign_report),
     *(thesis, new, scenarios, recordings, schema),
 )
 EPILOG = (

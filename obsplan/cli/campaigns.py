@@ -143,6 +143,7 @@ def campaign_report(
     for sentence in report.sentences:
         say(sentence)
     say_written(report.folder, ", ".join(report.files))
+    say_next("report", str(folder), "--open")
 
 
 def campaign_check(

@@ -28,6 +28,7 @@ from obsplan.quantities import RUNS, SEED
 
 if TYPE_CHECKING:
     from obsplan.report.export import Export
+    from obsplan.report.page.comparison import Side
     from obsplan.run import Run
     from obsplan.scenario import Scenario
 
@@ -67,13 +68,17 @@ def run(
         flown, smoother_notes = with_smoothed(flown)
     with progress(f"{name}, path as loaded") as advance:
         exports, fault = exported(flown, advance)
-    folder = write_free(out, name, lambda folder: write_run(flown, folder, exports))
+    said = (*run_notes(flown, smoother_notes), *exports_sentences(exports))
+    folder = write_free(out, name, lambda folder: write_run(flown, folder, exports, notes=said))
     with keeping(folder, WRITTEN):
         show(run_table(flown))
-        for sentence in (*run_notes(flown, smoother_notes), *exports_sentences(exports)):
+        for sentence in said:
             say(sentence)
         paths = [name for export in exports for name in path_names(export).values()]
-        say_written(folder, ", ".join(["map.png", "errors.png", *paths, "tracks.csv and more"]))
+        say_written(
+            folder,
+            ", ".join(["report.html", "map.png", "errors.png", *paths, "tracks.csv and more"]),
+        )
     if fault is not None:
         raise without_paths(fault, folder)
 
@@ -122,27 +127,35 @@ def compare(
     free_folder(out, name)  # a folder that cannot be made is refused before anything is flown
     first = table.seed if seed is None else seed
     with progress(f"{table.name}, {len(loaded)} planners") as advance:
-        rows = compared(loaded, range(first, first + runs), advance, bounded=not no_bound)
+        rows, sides = compared(loaded, range(first, first + runs), advance, bounded=not no_bound)
     heading = f"{title(table.name)}, {runs} run{'s' * (runs > 1)} each"
-    folder = write_free(out, name, lambda folder: write_comparison(rows, folder, title=heading))
+    said = [*comparison_sentences(rows), *([NO_BOUND] if no_bound else [])]
+    if runs > 1:
+        said.append(f"report.html plays the missions of seed {first}.")
+
+    def write(folder: Path) -> None:
+        write_comparison(rows, folder, heading, sides=sides, notes=said)
+
+    folder = write_free(out, name, write)
     with keeping(folder, WRITTEN):
         show(compare_table(rows))
-        for sentence in (*comparison_sentences(rows), *([NO_BOUND] if no_bound else [])):
+        for sentence in said:
             say(sentence)
-        say_written(folder, "compare.csv, compare.png")
+        say_written(folder, "report.html, compare.csv, compare.png")
 
 
 def compared(
     scenarios: dict[str, "Scenario"], seeds: range, advance: Advance, *, bounded: bool
-) -> list[dict[str, Any]]:
-    """Figures of merit of each planner's scenario under each seed.
+) -> "tuple[list[dict[str, Any]], list[Side]]":
+    """Figures of merit of each planner's scenario under each seed, and what plays the first one.
 
     Missions of one seed follow each other, so that they share its certified bound.
     """
+    from obsplan.report.page.comparison import side_of
     from obsplan.simulation import simulate
 
     rows: dict[str, list[dict[str, Any]]] = {name: [] for name in scenarios}
-    total = len(seeds) * len(scenarios)
+    total, sides = len(seeds) * len(scenarios), []
     missions = product(seeds, scenarios.items())
     for before, (number, (name, scenario)) in enumerate(missions):
         half = partial(tell_half, advance, before, total)
@@ -150,8 +163,10 @@ def compared(
         if not flown.unbounded:
             flown = certified(flown, partial(tell_half, advance, before + 0.5, total))
         rows[name].append({"planner": name, "seed": number, **flown.summary()["all"]})
+        if number == seeds[0]:
+            sides.append(side_of(flown, name, runs=len(scenarios)))
         advance(before + 1, total)
-    return [row for of_planner in rows.values() for row in of_planner]
+    return [row for of_planner in rows.values() for row in of_planner], sides
 
 
 def certified(flown: "Run", advance: Advance) -> "Run":

@@ -73,14 +73,22 @@ def replay(
         with progress(f"{name}, certified bound") as advance:
             run = certified(run, advance)
     weighed, told = after_all(run) if plan else (None, [])
-    folder = write_free(out, name, lambda folder: write_run(run, folder, hindsight=weighed))
+    read_notes = [f"{capital(note).rstrip('.')}." for note in (*read_in.notes, *notes)]
+    said = [*verdicts(run), *filter_notes(run), *told]
+    everything = [*said, *read_notes]
+    folder = write_free(
+        out, name, lambda folder: write_run(run, folder, hindsight=weighed, notes=everything)
+    )
     with keeping(folder, WRITTEN):
-        for note in (*read_in.notes, *notes):
-            say(f"{capital(note).rstrip('.')}.")
+        for note in read_notes:
+            say(note)
         show(run_table(run))
-        for sentence in (*verdicts(run), *filter_notes(run), *told):
+        for sentence in said:
             say(sentence)
-        say_written(folder, "map.png, errors.png, ranges.csv, tracks.csv, smoothed.csv and more")
+        say_written(
+            folder,
+            "report.html, map.png, errors.png, ranges.csv, tracks.csv, smoothed.csv and more",
+        )
 
 
 def changed(recording: "Recording", settings: list[str]) -> "Recording":

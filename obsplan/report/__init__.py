@@ -30,7 +30,7 @@ _HOME = {
     "suite_table": "suite",
     "verdicts": "verdict",
     "write_campaign_report": "campaign",
-    "write_comparison": "files",
+    "write_comparison": "comparison_files",
     "write_free": "files",
     "write_run": "files",
     "write_suite": "suite",

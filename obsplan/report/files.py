@@ -19,7 +19,6 @@ from jaxtyping import Float
 from obsplan.files import write_atomically
 from obsplan.planners import name_of
 from obsplan.recording import write_netcdf
-from obsplan.report.comparison import Rows, compare_figure
 from obsplan.report.export import Export, make_exports, summaries
 from obsplan.report.path_files import write_paths
 from obsplan.report.sea import summary_of
@@ -27,6 +26,7 @@ from obsplan.run import Run
 from obsplan.spelling import inert
 from obsplan.types import ObsplanError
 
+REPORT = "report.html"
 DECIMALS = 6  # in tables: micrometres, microradians
 BLOCK = 4096  # samples of a table that are made at once
 
@@ -90,6 +90,7 @@ def write_run(
     exports: Sequence[Export] | None = None,
     *,
     hindsight: dict[str, Any] | None = None,
+    notes: Sequence[str] = (),
 ) -> None:
     """Write all files of a run into a new folder.
 
@@ -105,6 +106,8 @@ def write_run(
         they could not be made, and no file of them is written.
     hindsight
         What the recorded path was worth (`Hindsight.summary`), for ``summary.json``.
+    notes
+        Sentences on the run, for ``report.html``.
 
     Raises
     ------
@@ -114,6 +117,7 @@ def write_run(
     from obsplan.report.errors import errors_figure
     from obsplan.report.innovations import innovations_figure, shows_innovations
     from obsplan.report.map import map_figure
+    from obsplan.report.page.run import run_page
     from obsplan.report.style import png
 
     summary = summary_of(run)
@@ -134,6 +138,7 @@ def write_run(
         write_atomically(made / "errors.png", png(partial(errors_figure, run)))
         if shows_innovations(run):
             write_atomically(made / "nis.png", png(partial(innovations_figure, run)))
+        write_atomically(made / REPORT, run_page(run, notes))
         write_atomically(made / "summary.json", as_json(summary))
         write_atomically(made / "timing.json", as_json(timing(run)))
 
@@ -153,25 +158,6 @@ def tables(run: Run) -> dict[str, Iterator[str]]:
     if run.smoothed is not None:
         found["smoothed.csv"] = smoothed_csv(run, run.smoothed)
     return found
-
-
-def write_comparison(rows: Rows, folder: Path | str, title: str = "") -> None:
-    """Write ``compare.csv``, a row per planner and seed, and ``compare.png`` into a new folder.
-
-    It is written as by `write_run`.
-
-    Raises
-    ------
-    ObsplanError
-        The folder exists or cannot be written.
-    """
-    from obsplan.report.style import png
-
-    with new_folder(Path(folder)) as made:
-        columns = list(rows[0])
-        body = [["" if row[key] is None else rounded(row[key]) for key in columns] for row in rows]
-        write_atomically(made / "compare.csv", table_csv([columns, *body]))
-        write_atomically(made / "compare.png", png(partial(compare_figure, rows, title)))
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Integer
+from jaxtyping import Bool, Integer
 
 from obsplan.run import Run
 from obsplan.simulation.features import Features
@@ -33,6 +33,14 @@ class Arrivals(NamedTuple):
     def matter(run: Run) -> bool:
         """Whether some ranges may not come that are due, or come twice."""
         return run.scenario.ranges_may_be_lost or Features.of(run.scenario).repeated
+
+    @staticmethod
+    def lost(run: Run) -> Bool[np.ndarray, "beacons auvs samples"]:
+        """Which ranges of a run that was flown were due and did not come; at 0 none is due."""
+        asked = due(run.scenario, streams(run.seed).schedule)
+        found = np.zeros_like(run.came)
+        found[..., 1:] = np.moveaxis(asked, 0, -1) & ~run.came[..., 1:]
+        return found
 
     def figures(self, auvs: slice) -> dict[str, int]:
         """Counts of some AUVs, over all beacons."""

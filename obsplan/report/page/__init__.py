@@ -1,0 +1,1 @@
+"""``report.html``: runs played back in a browser, offline."""
