@@ -129,7 +129,7 @@ def _separation(run: Run, time: Float[np.ndarray, " n"]) -> Panel:
 
 
 def _innovations(run: Run, time: Float[np.ndarray, " n"]) -> Panel:
-    """Innovations of each AUV in standard deviations, whose squares are NIS; rejected ones apart."""
+    """Innovations of each AUV in standard deviations, whose squares are NIS."""
     assert run.ranged is not None
     length = run.time[-1] / time[-1]
     choices, ranges = [], []

@@ -66,7 +66,7 @@
       figure.outline_line_color = paint("edge");
       for (const axis of [...figure.below, ...figure.left]) {
         axis.axis_label_text_color = axis.major_label_text_color = paint("ink");
-        axis.axis_line_color = axis.major_tick_line_color = axis.minor_tick_line_color = paint("edge");
+        axis.axis_line_color = axis.major_tick_line_color = paint("edge");
       }
       for (const grid of figure.center) grid.grid_line_color = paint("grid");
     });
@@ -389,7 +389,7 @@
   function make_values() {
     const head = element("tr", null, element("thead", null, $("values")));
     const several = scenes.length > 1;
-    for (const text of [...(several ? ["Run"] : []), "AUV", "Error", "95 % within", "To aid vehicle", "Newest range"]) element("th", text, head).scope = "col";
+    for (const text of [...(several ? ["Run"] : []), "AUV", "Error", "95 % within", "To aid vehicle"]) element("th", text, head).scope = "col";
     const body = element("tbody", null, $("values"));
     for (const map of maps) {
       map.cells = map.scene.auvs.map((auv) => {
@@ -412,7 +412,7 @@
       away.textContent = auv.separation ? metres(auv.separation[k]) : "–";
       let j = newest(c.t, state.t);
       while (j >= 0 && (c.auv[j] !== i || c.t[j] > state.t + 1e-4)) j -= 1;
-      const said = j < 0 ? "none yet" : `${ping_words(scene.pings, j)}; ${(state.t - c.t[j]).toFixed(0)} s ago`;
+      const said = j < 0 ? "no range yet" : `newest range ${ping_words(scene.pings, j)}; ${(state.t - c.t[j]).toFixed(0)} s ago`;
       if (range.textContent !== said) range.textContent = said;
       range.classList.toggle("broken", j >= 0 && !scene.pings.taken.includes(c.fate[j]));
     });

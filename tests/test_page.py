@@ -1,0 +1,177 @@
+"""report.html in a real browser, without a network: one mission with hostile names, played back."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pymap3d
+import pytest
+from browser import chromium, complaints, opened, requests, wait
+from oracles import scenario
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.keys import Keys
+
+from obsplan.report import write_run
+from obsplan.report.page.run import run_page
+from obsplan.simulation import simulate
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("page")]  # they share a browser
+HOSTILE = "<script>window.hurt = 1</script>\"'$x$</title>&amp;🐟 "
+LONG = HOSTILE + "w" * (120 - len(HOSTILE))  # no name is longer
+SEA = {
+    "ranging__loss": 0.3,
+    "constraints": {"max_separation": 90.0, "keep_out": [{"x": 40, "y": 40, "radius": 9}]},
+}
+
+
+@pytest.fixture(scope="module")
+def run():
+    return simulate(scenario(auv__0__name=HOSTILE.strip(), auv__1__name=LONG, **SEA), seed=2)
+
+
+@pytest.fixture(scope="module")
+def page(run, tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "report.html"
+    path.write_text(run_page(run, [f"A note on {LONG}{'w' * 300}."]), encoding="utf-8")
+    browser = chromium()
+    try:
+        opened(browser, path)
+        yield browser
+    finally:
+        browser.quit()
+
+
+def seek(page, t):
+    page.execute_script("player.seek(arguments[0])", t)
+
+
+def press(page, *keys):
+    ActionChains(page).send_keys(*keys).perform()
+
+
+def at(page):
+    return page.execute_script("return player.state.t")
+
+
+def cursors(page):
+    """Where each panel's cursor is [s]: these missions are told in seconds."""
+    return page.execute_script("return player.panels.map((one) => one.cursor.location)")
+
+
+def shown(page, source):
+    """Columns of what is drawn on the map now."""
+    script = (
+        "const found = player.maps[0][arguments[0]].data;"
+        "return Object.fromEntries(Object.entries(found).map(([k, v]) => [k, [...v]]))"
+    )
+    return page.execute_script(script, source)
+
+
+def test_page_opens_from_disk_without_a_request_or_a_complaint(page):
+    asked = {url.split(":")[0] for url in requests(page)}
+    assert asked <= {"file", "data", "blob"}
+    assert complaints(page) == []
+
+
+def test_play_moves_vehicles_and_every_cursor_to_the_same_time(page, run):
+    seek(page, 0.0)
+    before = shown(page, "vehicles")
+    page.find_element("id", "play").click()
+    wait(page, "return player.state.t > 5")
+    page.find_element("id", "play").click()
+    t, after = at(page), shown(page, "vehicles")
+    assert after["x"] != before["x"]
+    np.testing.assert_allclose(cursors(page), t, rtol=1e-12)
+    k = np.searchsorted(run.time, t + 1e-4) - 1
+    places = [*run.truth[:, k, :2], run.cna[k, :2]]
+    np.testing.assert_allclose(np.transpose([after["x"], after["y"]]), places, atol=1e-4)
+    assert float(page.find_element("id", "scrub").get_property("value")) == pytest.approx(t)
+
+
+def test_scrubbing_to_a_range_shows_that_range_and_a_lost_one_its_reason(page, run):
+    came = np.isfinite(run.ranges[0])
+    due = np.arange(1, 11) * 4  # samples: every 2 s
+    both = next(k for k in due if came[:, k].any() and not came[:, k].all())
+    seek(page, float(run.time[both]))
+    drawn = dict(zip(shown(page, "pings")["who"], shown(page, "labels")["text"], strict=True))
+    for i, name in enumerate(run.names):
+        value = run.ranges[0, i, both]
+        expected = f"{value:.1f} m" if came[i, both] else "✗ lost on its way"
+        assert drawn[f"{name} to cna"] == expected
+    seek(page, float(run.time[both]) - 0.5)
+    assert shown(page, "pings")["who"] == []
+
+
+def test_keys_step_seek_play_and_go_from_range_to_range(page, run):
+    press(page, Keys.HOME)
+    press(page, Keys.ARROW_RIGHT, Keys.ARROW_RIGHT)
+    assert at(page) == pytest.approx(1.0)
+    press(page, "n")
+    assert at(page) == pytest.approx(2.0)
+    press(page, "n", "p")
+    assert at(page) == pytest.approx(2.0)
+    press(page, Keys.END)
+    assert at(page) == pytest.approx(run.time[-1])
+    press(page, Keys.ARROW_LEFT)
+    assert at(page) == pytest.approx(run.time[-2])
+    press(page, Keys.HOME, " ")
+    assert wait(page, "return player.state.t > 0")
+    press(page, " ")
+    assert page.execute_script("return player.state.playing") is False
+
+
+def test_values_are_told_in_words(page, run):
+    k = 21
+    seek(page, float(run.time[k]))
+    rows = page.execute_script(
+        "return [...document.querySelectorAll('#values tbody tr')].map((row) => [...row.cells].map((c) => c.textContent))"
+    )
+    for i, row in enumerate(rows):
+        assert row[0] == run.names[i]
+        assert row[1] == f"{run.error[i, k]:.2f} m"
+        assert row[3].startswith(f"{run.separation[i, k]:.1f}"[:3])
+    said = page.find_element("id", "status").text
+    assert "Planner: " in said
+    assert ("broken by" in said) == bool(run.violation[:, k].max() > 0)
+
+
+def test_pointer_tells_latitude_and_longitude(page):
+    places = np.array([[0.0, 0.0], [1500.0, -3000.0], [-20_000.0, 15_000.0]])
+    found = [page.execute_script("return player.geographic(...arguments)", *p) for p in places.tolist()]
+    up = (places**2).sum(axis=1) / (2 * 6.371e6)
+    lat, lon, _ = pymap3d.enu2geodetic(places[:, 0], places[:, 1], -up, 47.6, -122.3, 0.0)
+    np.testing.assert_allclose(found, np.transpose([lat, lon]), atol=2e-6)  # 0.2 m
+
+
+def test_hostile_names_are_shown_and_do_nothing(page, run):
+    assert page.execute_script("return window.hurt") is None
+    assert page.execute_script("return document.title").startswith("Scenario")
+    options = [one.text for one in page.find_elements("css selector", "#auv option")]
+    assert [re.sub(r"\s+", " ", name) for name in options] == [
+        re.sub(r"\s+", " ", name) for name in run.names
+    ]
+    wide = page.execute_script("return document.documentElement.scrollWidth - innerWidth")
+    assert wide <= 0  # a word of 300 letters makes nothing wider than the window
+
+
+def test_nothing_is_claimed_of_errors_without_the_truth(run, page, tmp_path):
+    path = tmp_path / "blind.html"
+    path.write_text(run_page(replace(run, truth=None)), encoding="utf-8")
+    own = page.current_window_handle
+    page.switch_to.new_window("tab")
+    try:
+        opened(page, path)
+        cells = [one.text for one in page.find_elements("css selector", "#values tbody td")]
+        assert cells.count("not known") == len(run.names)
+        titles = [one.text for one in page.find_elements("css selector", ".panel h3")]
+        assert not any("error" in title or "NEES" in title for title in titles)
+    finally:
+        page.close()
+        page.switch_to.window(own)
+
+
+def test_same_run_gives_the_same_bytes_in_its_folder(run, tmp_path):
+    for name in ("one", "other"):
+        write_run(run, tmp_path / name, exports=())
+    one, other = ((tmp_path / name / "report.html").read_bytes() for name in ("one", "other"))
+    assert one == other
