@@ -22,8 +22,8 @@ from obsplan.report.map import ellipses
 from obsplan.report.style import AID, COLOURS, FAINT, styled
 
 SCENARIO, SEED = "harbor-survey", 7
-DURATION, EVERY = 720.0, 8.0  # [s] of the mission, and of each picture
-SHOWN = 0.1  # [s] that a picture stays
+DURATION, EVERY = 720.0, 12.0  # [s] of the mission, and of each picture
+SHOWN = 0.12  # [s] that a picture stays
 LAST = 2.0  # [s] that the last one stays
 TAIL = 240.0  # [s] of the aid vehicle's path that is drawn dark
 HEARD = 6.0  # [s] for which a range is drawn
