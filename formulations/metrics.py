@@ -95,6 +95,7 @@ class Metric(NamedTuple):
     larger_is_worse: bool
 
 
+# each metric by its name in files: the function of a Gramian, and whether larger is worse
 METRICS = MappingProxyType(
     {
         "condition-number": Metric(condition_number, larger_is_worse=True),

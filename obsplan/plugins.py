@@ -48,7 +48,7 @@ def checked_class(kind: str, needs: tuple[str, ...]) -> type[Any]:
     present = {*dir(cls), *(field.name for field in fields(cls))}
     missing = [need for need in needs if need not in present]
     if missing:
-        raise ValueError(f"lacks {' and '.join(missing)}; add what CONTRIBUTING.md says it needs")
+        raise ValueError(f"lacks {' and '.join(missing)}; add what docs/your-own.md says it needs")
     return cls
 
 

@@ -1,4 +1,4 @@
-"""Classes from outside the package, those of CONTRIBUTING, fly by every road; and whatever is wrong with one is said in a sentence."""
+"""Classes from outside the package, those of docs/your-own.md, fly by every road; and whatever is wrong with one is said in a sentence."""
 
 import os
 import re
@@ -20,7 +20,7 @@ from obsplan.simulation.inputs import mission_inputs
 ROOT = Path(__file__).parents[1]
 BLOCKS = re.findall(
     r"```(?:python|toml)\n# (mine\.\w+)\n(.*?)```",
-    (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"),
+    (ROOT / "docs" / "your-own.md").read_text(encoding="utf-8"),
     flags=re.DOTALL,
 )
 CURRENT = (0.1, -0.05)
@@ -28,9 +28,10 @@ CURRENT = (0.1, -0.05)
 
 @pytest.fixture
 def mine(tmp_path, monkeypatch):
-    """The module of CONTRIBUTING, in the current folder and nowhere else."""
-    for name, text in BLOCKS:
-        (tmp_path / name).write_text(text)
+    """The module of the documentation, in the current folder and nowhere else."""
+    for name, text in BLOCKS:  # a class each
+        with (tmp_path / name).open("a") as file:
+            file.write(f"{text}\n\n")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
     monkeypatch.delitem(sys.modules, "mine", raising=False)

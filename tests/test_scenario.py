@@ -179,13 +179,15 @@ def test_first_estimate_is_drawn_where_it_is_not_given():
 
 def test_schema_lists_every_key_with_its_meaning():
     rows = {
-        f"{path}.{key}": (kind, default, text)
+        f"{path}.{key}": (kind, default, text, allowed)
         for path, keys in sections()
-        for key, kind, default, text in keys
+        for key, kind, default, text, allowed in keys
     }
-    assert rows["cna.speed"] == ("number", "required", "cruising speed [m/s]")
+    *said, allowed = rows["cna.speed"]
+    assert said == ["number", "required", "cruising speed [m/s]"]
+    assert allowed.startswith("from 0.001 to 50 m/s (")
     assert rows['auv[].survey, kind = "lawnmower".side'][0] == '"left" | "right"'
-    assert all(text for _, _, text in rows.values())
+    assert all(text for _, _, text, _ in rows.values())
     assert "harbor" not in str(json_schema())
     assert json_schema()["properties"]["time_step"]["minimum"] == 1e-3
 

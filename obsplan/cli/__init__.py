@@ -9,6 +9,7 @@ import typer
 
 from obsplan.cli.campaigns import campaign, campaign_check, campaign_report
 from obsplan.cli.commands import compare, new, run, scenarios, schema, thesis
+from obsplan.cli.documentation import docs
 from obsplan.cli.replays import recordings, replay
 from obsplan.cli.reports import report
 from obsplan.cli.stopping import is_stop, listen, stop_at_last
@@ -19,7 +20,7 @@ __all__ = ["main"]
 
 COMMANDS = (
     *(run, compare, replay, report, campaign, campaign_check, campaign_report),
-    *(thesis, new, scenarios, recordings, schema),
+    *(thesis, new, scenarios, recordings, schema, docs),
 )
 EPILOG = (
     "Exit codes: 0 done; 2 what was given is wrong, and one sentence says what; "

@@ -294,7 +294,7 @@ def scenarios() -> None:
 def schema(
     json: Annotated[bool, typer.Option("--json", help="As JSON Schema, for editors.")] = False,
 ) -> None:
-    """List every key a scenario file may have, with its type, default, unit and meaning."""
+    """List every key a scenario file may have: type, default, unit, meaning and range."""
     from obsplan.scenario.schema import json_schema, sections
 
     if json:
@@ -305,13 +305,15 @@ def schema(
     for path, rows in sections():
         say("")
         say(f"[{path}]" if path else "Top of the file")
-        for key, kind, default, description in rows:
+        for key, kind, default, description, allowed in rows:
             note = ", required" if default == "required" else f", default {default}"
             say(f"  {key:18} {kind}{note if default else ''}", indent=21)
             say(f"  {'':18} {description}", indent=21)
+            if allowed:
+                say(f"  {'':18} {allowed}", indent=21)
     say("")
     say(
         "A kind of survey, vehicle, ranging, estimator or planner may be a class of your own, "
-        '"mypackage.module:Class", whose fields are then the keys; CONTRIBUTING.md says what it '
+        '"mypackage.module:Class", whose fields are then the keys; docs/your-own.md says what it '
         "needs."
     )

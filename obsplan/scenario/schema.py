@@ -8,11 +8,11 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from obsplan.scenario.messages import as_toml, kind_of, tables_in
+from obsplan.scenario.messages import as_toml, kind_of, quantity_of_field, tables_in
 from obsplan.scenario.places import DEGREES, InDegrees, Place
 from obsplan.scenario.tables import ScenarioTable
 
-Row = tuple[str, str, str, str]  # key, type, default, description
+Row = tuple[str, str, str, str, str]  # key, type, default, description, range and its reason
 
 
 def json_schema() -> dict[str, Any]:
@@ -31,7 +31,7 @@ def described(key: str) -> str:
     said = [
         description.partition(";")[0]
         for table, rows in sections()
-        for own, _, _, description in rows
+        for own, _, _, description, _ in rows
         if (table.partition(",")[0], own) == (path, name)
     ]
     return " or ".join(dict.fromkeys(said))
@@ -71,7 +71,9 @@ def _row(name: str, field: Any) -> Row:
         if default in (None, "")
         else as_toml(default)
     )
-    return name, _type(field.annotation), text, field.description or ""
+    allowed = quantity_of_field(field)
+    range_said = "" if allowed is None else str(allowed)
+    return name, _type(field.annotation), text, field.description or "", range_said
 
 
 def _type(annotation: Any) -> str:
