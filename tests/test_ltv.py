@@ -7,7 +7,9 @@ import control as ct
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.special import ellipe, ellipk
 
+import obsplan as op
 from formulations.ltv import (
     A,
     circle_gramian,
@@ -312,3 +314,38 @@ def test_a_known_current_leaves_only_the_position_to_find_and_a_straight_pass_be
 def test_a_path_needs_increasing_instants(function, time):
     with pytest.raises(ValueError, match="at least 2 increasing instants"):
         function(time, np.ones((len(time), 2)))
+
+
+# --- the analytic circle in a uniform flow ---
+
+
+def circle_in_a_flow(radius, speed, flow):
+    """Period and Gramian's diagonal, along the flow and across it, on a circle about the beacon, by complete elliptic integrals.
+
+    With W = flow and V = speed, a vehicle that crabs to keep to the circle has over ground, at the angle θ from the flow,
+    -W sin θ + √(V² - W² cos² θ), so that dt = R (W sin θ + √(V² - W² cos² θ)) dθ / (V² - W²); odd terms vanish over a turn.
+    """
+    m = (flow / speed) ** 2
+    E, K = ellipe(m), ellipk(m)
+    total = 4 * E
+    along = 4 * ((2 * m - 1) * E + (1 - m) * K) / (3 * m)  # of cos² θ √(1 - m cos² θ)
+    scale = radius * speed / (speed**2 - flow**2)
+    return scale * total, 4 * radius**2 * scale * np.array([along, total - along])
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_circle_about_the_beacon_in_a_uniform_flow_is_the_elliptic_integrals(side):
+    """A polygon for the circle: perimeter and second moments are low by the order of (π/n)²."""
+    n, radius, speed, flow, toward = 720, 3.0, 1.0, 0.6, 0.7
+    angle = side * np.linspace(0.0, 2 * np.pi, n + 1)
+    corners = radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    current = flow * np.array([np.cos(toward), np.sin(toward)])
+    swum = op.Reference(polyline=corners, speed=speed, current=current)
+    times = np.linspace(0.0, swum.duration, 8 * n + 1)
+    turn = np.array([[np.cos(toward), np.sin(toward)], [-np.sin(toward), np.cos(toward)]])
+    block = turn @ ltv_gramian(times, swum.position(times))[:2, :2] @ turn.T
+    period, diagonal = circle_in_a_flow(radius, speed, flow)
+    close = 2 * (np.pi / n) ** 2
+    assert swum.duration == pytest.approx(period, rel=close)
+    np.testing.assert_allclose(block, np.diag(diagonal), rtol=close, atol=close * diagonal.max())
+    assert diagonal[1] / diagonal[0] > 1.1  # in still water 1: the flow spoils the circle by that

@@ -11,7 +11,14 @@ import obsplan as op
 from formulations import displacement_moments
 from obsplan.planning.fallback import two_thirds_turn
 from obsplan.simulation import ClosedLoop
-from obsplan.thesis import ITEMS, tables
+from obsplan.thesis import (
+    ITEMS,
+    study_blend,
+    study_gramian,
+    study_inertia,
+    study_speeds,
+    tables,
+)
 from obsplan.thesis.flights import fly, pose, random_starts, scenario
 from obsplan.thesis.groups import centroid_offset, static_formation, typical_condition
 from obsplan.thesis.horizon import settled
@@ -246,15 +253,32 @@ def test_weights_that_follow_covariances_are_their_traces():
     )
 
 
+@pytest.fixture
+def coarse(monkeypatch):
+    """Studies of fewer cases."""
+    monkeypatch.setattr(study_gramian, "HORIZONS", (1 / 6, 2 / 3, 4.0))
+    monkeypatch.setattr(study_gramian, "EULER_STEPS", (1, 5, 21))
+    monkeypatch.setattr(study_blend, "WEIGHTS", (1.0, 30.0))
+    monkeypatch.setattr(study_inertia, "WEIGHTS", (study_inertia.EQUAL, 0.7))
+    monkeypatch.setattr(study_speeds, "RATIOS", (1.0, 10.0))
+    surveys = {name: study_speeds.SURVEYS[name] for name in ("lawnmower", "straight")}
+    monkeypatch.setattr(study_speeds, "SURVEYS", surveys)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [name for name in ITEMS if name.startswith("study-")] + ["table5.2"]
 )
+@pytest.mark.usefixtures("coarse")
 def test_study_is_computed_drawn_and_answered(name):
     item = ITEMS[name]
     data = item.compute(runs=2, seed=1)
     item.draw(data)
     assert len(item.found(data).sentence) > 100
+    if item.asks:
+        heading, *rows = item.rows(data)
+        assert {len(row) for row in rows} == {len(heading)}
+        assert "the reference" in {cell for row in rows for cell in row}
 
 
 def test_every_item_of_the_thesis_is_there_and_every_question():
@@ -266,6 +290,6 @@ def test_every_item_of_the_thesis_is_there_and_every_question():
     )
     questions = [
         f"study-{name}"
-        for name in ("horizon", "aggregate", "weights", "blend", "speeds", "curvature")
+        for name in ("horizon", "aggregate", "weights", "blend", "speeds", "curvature", "measure")
     ]
     assert sorted(ITEMS) == sorted(figures + questions)
