@@ -154,6 +154,7 @@ def test_areas_and_limits_refuse_what_makes_no_sense():
 
 # First moves
 
+WALKS = range(3)  # seeds
 RADIUS, SPEED = 3.0, 2.0
 TURNS = SPEED / RADIUS * np.array([1.0, 0.3, 0.0, -0.3, -1.0])
 nowhere = lambda times: np.empty((len(times), 0, 2))  # noqa: E731
@@ -278,15 +279,15 @@ def nearest(seed, apart):
 
 def test_what_is_called_safe_leaves_a_way_to_stay_apart_from_an_auv_that_goes_on():
     apart = 3 * RADIUS
-    # what is beyond half a circle is not looked at: a fiftieth is lost in one of twelve walks
-    assert min(nearest(seed, apart) for seed in range(12)) > 0.97 * apart
+    # what is beyond half a circle is not looked at: a fiftieth is lost in one of these walks
+    assert min(nearest(seed, apart) for seed in WALKS) > 0.97 * apart
 
 
 def test_without_looking_past_the_next_decision_the_vehicle_comes_too_near(monkeypatch):
     """Negative control."""
     apart = 3 * RADIUS
     monkeypatch.setattr(Escapes, "violation", lambda *_: -np.inf)
-    assert min(nearest(seed, apart) for seed in range(12)) < 0.5 * apart
+    assert min(nearest(seed, apart) for seed in WALKS) < 0.5 * apart
 
 
 def test_least_violating_turn_leads_out_of_a_keep_out():
