@@ -262,7 +262,7 @@ def item(number: int, claim: Claim, text: str) -> Item:
     )
 
 
-ITEMS = (
+ITEMS: tuple[Item, ...] = (
     item(
         1,
         Claim(

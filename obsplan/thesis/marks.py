@@ -14,7 +14,7 @@ DEVIATIONS = 3.0
 Series = Float[np.ndarray, " steps"]
 Track = Float[np.ndarray, "steps 2"]
 
-MARKS = {  # name: (unit, what it is)
+MARKS: dict[str, tuple[str, str]] = {  # name: (unit, what it is)
     "rms_error": ("m", "RMS error"),
     "max_error": ("m", "greatest error"),
     "separation": ("m", "mean distance between the vehicles"),
