@@ -61,4 +61,6 @@ def requests(browser):
 
 def complaints(browser):
     """What the console had to say that is worse than information."""
-    return [entry for entry in browser.get_log("browser") if entry["level"] in ("WARNING", "SEVERE")]
+    return [
+        entry for entry in browser.get_log("browser") if entry["level"] in ("WARNING", "SEVERE")
+    ]

@@ -137,7 +137,9 @@ def test_values_are_told_in_words(page, run):
 
 def test_pointer_tells_latitude_and_longitude(page):
     places = np.array([[0.0, 0.0], [1500.0, -3000.0], [-20_000.0, 15_000.0]])
-    found = [page.execute_script("return player.geographic(...arguments)", *p) for p in places.tolist()]
+    found = [
+        page.execute_script("return player.geographic(...arguments)", *p) for p in places.tolist()
+    ]
     up = (places**2).sum(axis=1) / (2 * 6.371e6)
     lat, lon, _ = pymap3d.enu2geodetic(places[:, 0], places[:, 1], -up, 47.6, -122.3, 0.0)
     np.testing.assert_allclose(found, np.transpose([lat, lon]), atol=2e-6)  # 0.2 m

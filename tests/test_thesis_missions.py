@@ -22,7 +22,8 @@ from obsplan.thesis import (
 from obsplan.thesis.flights import fly, pose, random_starts, scenario
 from obsplan.thesis.groups import centroid_offset, static_formation, typical_condition
 from obsplan.thesis.horizon import settled
-from obsplan.thesis.montecarlo import fly_as_campaign, fly_grid, fly_here, interval, is_mirrored
+from obsplan.thesis.marks import marks
+from obsplan.thesis.montecarlo import fly_as_campaign, fly_grid, fly_here, interval
 from obsplan.thesis.study_gramian import EulerHorizon
 from obsplan.thesis.study_inertia import CovarianceWeighted, strayed
 
@@ -118,18 +119,6 @@ def test_separation_from_several_auvs_does_not_grow():
     assert finding("fig5.12").agrees
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["figB.2", "figB.3"])
-def test_slow_missions_are_as_the_appendix_says(name):
-    assert finding(name, seed=1).agrees
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["figB.6", "figB.7", "figB.8"])
-def test_fast_missions_are_as_the_appendix_says(name):
-    assert finding(name, seed=1).agrees
-
-
 def test_point_reflection_about_a_beacon_at_rest_has_the_same_ranges_and_cannot_be_left():
     image = (
         "auv.0.first_estimate.x=4.0",
@@ -139,12 +128,12 @@ def test_point_reflection_about_a_beacon_at_rest_has_the_same_ranges_and_cannot_
     sure = (
         "auv.0.first_estimate.sigma_position=0.1",
         "auv.0.first_estimate.sigma_speed=0.1",
-        "duration=60.0",
+        "duration=180.0",
     )
     run = op.simulate(
         op.load("survey-slow", planner="stationary", settings=(*image, *sure)), seed=2
     )  # beacon at (1, 0), AUV at (-2, 0)
-    assert is_mirrored(run)
+    assert marks(run)["at_point"] > 0.9
     off = run.mean[0, -1, :2] - (2 * run.cna[-1, :2] - run.truth[0, -1, :2])
     assert np.hypot(*off) < 1.0 < run.error[0, -1]
     right = op.simulate(
@@ -155,7 +144,7 @@ def test_point_reflection_about_a_beacon_at_rest_has_the_same_ranges_and_cannot_
         ),
         seed=2,
     )
-    assert not is_mirrored(right)
+    assert marks(right)["at_truth"] > 0.9
 
 
 def test_share_of_seeds_has_the_interval_of_wilson():
@@ -183,9 +172,9 @@ def test_orderings_are_reproduced_reversed_or_undecided():
         "Stationary": seeds,
     }
     data = table_of(errors)
-    assert tables.holds(data, "Path Inertia", "Empirical Gramian") == (1.0, True)
-    assert tables.holds(data, "Empirical Gramian", "Path Inertia") == (0.0, False)
-    assert tables.holds(data, "Empirical Gramian", "Circular") == (0.5, None)
+    assert tables.holds(data.rms_error, "Path Inertia", "Empirical Gramian") == (1.0, True)
+    assert tables.holds(data.rms_error, "Empirical Gramian", "Path Inertia") == (0.0, False)
+    assert tables.holds(data.rms_error, "Empirical Gramian", "Circular") == (0.5, None)
     assert tables.orderings("survey-slow")[0] == ("Path Inertia", "Stationary")
     assert ("Circular", "Stationary") in tables.orderings("survey-fast")
 
@@ -263,6 +252,9 @@ def coarse(monkeypatch):
     monkeypatch.setattr(study_speeds, "RATIOS", (1.0, 10.0))
     surveys = {name: study_speeds.SURVEYS[name] for name in ("lawnmower", "straight")}
     monkeypatch.setattr(study_speeds, "SURVEYS", surveys)
+    # of the table's grid only the first row of each block: it has nearly thirty
+    for grid in ("CHANGES", "OURS"):
+        monkeypatch.setattr(tables, grid, dict(list(getattr(tables, grid).items())[:1]))
 
 
 @pytest.mark.slow

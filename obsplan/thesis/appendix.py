@@ -1,59 +1,140 @@
 """Figures B.1 to B.8: one mission of each policy, slow and fast, as in the thesis's Appendix B."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from obsplan.report.style import AID, colour, time_axis
 from obsplan.run import Run
 from obsplan.scenario import Scenario
-from obsplan.simulation import ClosedLoop, simulate
+from obsplan.simulation import ClosedLoop
+from obsplan.thesis import assumptions
+from obsplan.thesis.appendix_drawing import draw
+from obsplan.thesis.assumptions import (
+    AS_ASSUMED,
+    BEACON,
+    CHANGES,
+    CIRCLE,
+    EXACT,
+    FAST,
+    GRAMIAN,
+    INERTIA,
+    ITERATED,
+    LOOSE,
+    SIGMA,
+    SLOW,
+    START,
+    STATIONARY,
+    THESIS,
+    TURNS,
+    VAGUE,
+    Change,
+)
+from obsplan.thesis.clauses import Clause, Numbers, each, turned_over, verdict
+from obsplan.thesis.flights import fly, random_starts
 from obsplan.thesis.item import Finding, Item
-from obsplan.thesis.montecarlo import is_mirrored
-from obsplan.thesis.tables import LOST, THESIS, policies
+from obsplan.thesis.marks import LOST, MARKS, marks
+from obsplan.thesis.montecarlo import counted, figure
 
 if TYPE_CHECKING:
     import xarray as xr
 
 SAMPLING = 0.2  # [s] between the samples kept
-TRIALS = 20  # seeds looked through for the image that the thesis shows
+TRIALS = 40  # seeds by which a claim is judged
+FEW = 4  # such a part of them under each change
 FOLLOWS = 5.0  # greatest distance [m] of an aid vehicle that follows the AUV
-# between the AUV's course and the line of sight: motion nearly through the beacon
-ALIGNED = np.deg2rad(20.0)
-BEGINNING = 120.0  # [s]; the filter has settled by then
-SIMILAR = 1.5  # ratio of errors up to which two policies perform alike
+GROWS = 1.5  # ratio from which on deviations or errors grow with the AUV's turns
+SIMILAR = 2.0  # ratio of errors up to which a policy is as good as another
+# A Gaussian error is outside three deviations, east or north, for 0.5 % of the time.
+OUTSIDE = 0.05
+ENCIRCLED = 10.0  # turns about the AUV
+STARTS, HALF_WIDTH = 50, 8.0  # random starts, within a square of half that width [m]
+OURS = "ours"
 
 
-def compute(name: str, policy: str, *, runs: int, seed: int) -> "xr.Dataset":  # noqa: ARG001
-    """Fly one survey under one policy, and under all others for comparison of their RMS errors."""
-    scenarios = policies(name, printed=False)
-    flown = {label: simulate(scenario, seed=seed) for label, scenario in scenarios.items()}
-    rms = {label: run.rms_error for label, run in flown.items()}
-    shown = as_shown(name, scenarios[policy], seed) if policy == "Stationary" else flown[policy]
-    return (
-        recorded(shown)
-        .assign(policy_rms=("policy", list(rms.values()), {"units": "m"}))
-        .assign_coords(policy=list(rms))
+@dataclass(frozen=True, kw_only=True)
+class Claim:
+    """What a figure shows, in clauses that can each fail, and what may decide them."""
+
+    survey: str
+    policy: str
+    clauses: tuple[Clause, ...]
+    changes: tuple[str, ...]  # of `CHANGES`, one at a time
+    rival: tuple[str, str] | None = None  # survey and policy whose error "ratio" is over
+
+
+LOST_CLAUSE = Clause(text="lost: RMS error over 10 m", mark="rms_error", above=LOST)
+FOLLOWED = Clause(text="stays within 5 m", mark="farthest", below=FOLLOWS)
+SIGMA_GROWS = Clause(
+    text="σ east and north are 1.5 times greater on legs along than across",
+    mark="sigma_exchange",
+    above=GROWS,
+)
+ERROR_GROWS = Clause(text="so is the error", mark="least_exchange", above=GROWS)
+WITHIN = Clause(text="error outside ±3σ for under 5 % of the time", mark="outside", below=OUTSIDE)
+ROUND = Clause(text="goes round it over 10 times", mark="rounds", above=ENCIRCLED)
+
+
+def missions(claim: Claim, label: str) -> list[Scenario]:
+    """The claim's mission, and its rival's, under a change or with our own noise."""
+    flown = [(claim.survey, claim.policy)] + ([claim.rival] if claim.rival else [])
+    if label == OURS:
+        return [assumptions.ours(survey, Change())[policy] for survey, policy in flown]
+    return [assumptions.like(survey, CHANGES[label])[policy] for survey, policy in flown]
+
+
+def measured(scenarios: Sequence[Scenario], seeds: range) -> tuple[Numbers, ClosedLoop]:
+    """Marks of a mission by seed, "ratio" over its rival's error, and the loop that flew it."""
+    loop, *rival = [
+        ClosedLoop(scenario=one, planner=one.planner(), compiled=True) for one in scenarios
+    ]
+    found = [marks(loop.fly(seed)) for seed in seeds]
+    numbers = {mark: np.array([one[mark] for one in found]) for mark in MARKS}
+    if rival:
+        others = np.array([rival[0].fly(seed).rms_error for seed in seeds])
+        numbers["ratio"] = numbers["rms_error"] / others
+    return numbers, loop
+
+
+def compute(claim: Claim, *, runs: int, seed: int) -> "xr.Dataset":
+    """Marks over seeds, as assumed and under changes, and the tracks of one mission.
+
+    That mission is the first of the seeds in which all clauses hold, or else the first.
+    """
+    seeds = range(seed, seed + max(2, min(runs, TRIALS)))
+    few = seeds[: max(2, len(seeds) // FEW)]
+    numbers, loop = measured(missions(claim, AS_ASSUMED), seeds)
+    labels = [*claim.changes, OURS]
+    changed = [measured(missions(claim, label), few)[0] for label in labels]
+    whole = np.logical_and.reduce([clause.holds(numbers) for clause in claim.clauses])
+    variables = {mark: ("seed", values) for mark, values in numbers.items()}
+    variables |= {
+        f"changed_{mark}": (("change", "few"), np.array([one[mark] for one in changed]))
+        for mark in numbers
+    }
+    shown = recorded(loop.fly(seeds[int(whole.argmax())]))
+    return shown.assign(variables).assign_coords(seed=list(seeds), change=labels, few=list(few))
+
+
+def compute_with_starts(claim: Claim, *, runs: int, seed: int) -> "xr.Dataset":
+    """The same, and where the printed and the exact Gramian end from random starts."""
+    data = compute(claim, runs=runs, seed=seed)
+    starts = random_starts(min(runs, STARTS), seed, HALF_WIDTH)
+    far = [
+        fly(assumptions.like(claim.survey, CHANGES[label])[claim.policy], starts).distance
+        for label in (AS_ASSUMED, EXACT)
+    ]
+    last = [one.isel(auv=0, time=-1).values for one in far]
+    attributes = {"units": "m", "long_name": "distance at the end"}
+    return data.assign(ends=(("gramian", "start"), np.array(last), attributes)).assign_coords(
+        gramian=["printed", "exact"]
     )
 
 
-def as_shown(name: str, scenario: Scenario, seed: int) -> Run:
-    """The first seed, from one on, whose filter locks on what the thesis's did.
-
-    That is the AUV or its image. If none does, it is the last seed tried.
-    """
-    wanted = THESIS[name]["Stationary"][0] > LOST
-    loop = ClosedLoop(scenario=scenario, planner=scenario.planner())
-    runs = (loop.fly(seed + k) for k in range(TRIALS))
-    return next((run for run in runs if is_mirrored(run) == wanted), loop.fly(seed + TRIALS - 1))
-
-
 def recorded(run: Run) -> "xr.Dataset":
-    """Tracks, estimates and standard deviations of a run's only AUV, once a second."""
+    """Tracks, estimates and standard deviations of a run's only AUV, every `SAMPLING`."""
     import xarray as xr
 
     every = slice(None, None, round(SAMPLING / run.scenario.table.time_step))
@@ -67,72 +148,16 @@ def recorded(run: Run) -> "xr.Dataset":
         "estimate_y": (mean[:, 1], "m"),
         "sigma_x": (np.sqrt(P[:, 0, 0]), "m"),
         "sigma_y": (np.sqrt(P[:, 1, 1]), "m"),
-        "heading": (truth[:, 2], "rad"),
-        "speed": (truth[:, 3], "m s-1"),
-        "speed_estimate": (mean[:, 3], "m s-1"),
     }
     return xr.Dataset(
         {key: ("time", values, {"units": unit}) for key, (values, unit) in columns.items()},
         coords={"time": ("time", run.time[every], {"units": "s"})},
         attrs={
-            "rms_error": run.rms_error,
-            "max_error": run.max_error,
-            "mirrored": int(is_mirrored(run)),
-            "seed": run.seed,
+            "shown": run.seed,
+            "rms_error_drawn": run.rms_error,
+            "max_error_drawn": run.max_error,
         },
     )
-
-
-def draw(data: "xr.Dataset") -> Figure:
-    """(a) tracks, (b) the estimate, (c), (d) errors east and north with three deviations."""
-    figure = Figure(figsize=(11.0, 7.2), layout="constrained")
-    (tracks, estimate), (east, north) = figure.subplots(2, 2, height_ratios=(1.5, 1.0))
-    _draw_map(tracks, data, (("auv", "AUV", colour(0)), ("cna", "aid vehicle", AID)), "(a) tracks")
-    _draw_map(
-        estimate,
-        data,
-        (("auv", "AUV", colour(0)), ("estimate", "estimate", colour(1))),
-        "(b) estimated track",
-    )
-    for axes, axis, label in ((east, "x", "(c) east"), (north, "y", "(d) north")):
-        _draw_error(axes, data, axis, label)
-    return figure
-
-
-def _draw_map(
-    axes: Axes, data: "xr.Dataset", drawn: tuple[tuple[str, str, str], ...], title: str
-) -> None:
-    for prefix, label, paint in drawn:
-        x, y = data[f"{prefix}_x"].values, data[f"{prefix}_y"].values
-        moves = bool(np.ptp(x) + np.ptp(y) > 0)
-        axes.plot(
-            x,
-            y,
-            color=paint,
-            lw=0.9 if moves else 0.0,
-            marker="" if moves else "o",
-            ms=6,
-            label=label,
-        )
-    axes.set(xlabel="East [m]", ylabel="North [m]", title=title)
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.legend(fontsize=8, loc="upper right")
-
-
-def _draw_error(axes: Axes, data: "xr.Dataset", axis: str, label: str) -> None:
-    time, text = time_axis(data.time.values)
-    error, band = data[f"estimate_{axis}"] - data[f"auv_{axis}"], 3.0 * data[f"sigma_{axis}"]
-    axes.fill_between(time, -band, band, color=colour(1), alpha=0.2, lw=0, label="±3σ")
-    axes.plot(time, error, color=colour(1), lw=0.9)
-    highest = 1.1 * max(float(np.abs(error).max()), float(np.quantile(band, 0.98)))
-    axes.set(
-        xlabel=text,
-        ylabel="Error [m]",
-        title=label,
-        ylim=(-highest, highest),
-        xlim=(time[0], time[-1]),
-    )
-    axes.legend(fontsize=8, loc="upper right")
 
 
 def encirclements(data: "xr.Dataset") -> float:
@@ -141,135 +166,144 @@ def encirclements(data: "xr.Dataset") -> float:
     return float(np.abs(np.diff(bearing)).sum() / (2.0 * np.pi))
 
 
-def separation(data: "xr.Dataset") -> np.ndarray:
-    """Distance between the vehicles [m]."""
-    return np.hypot(data.cna_x.values - data.auv_x.values, data.cna_y.values - data.auv_y.values)
+def as_assumed(data: "xr.Dataset") -> Numbers:
+    """Marks by seed."""
+    return {str(name): one.values for name, one in data.data_vars.items() if one.dims == ("seed",)}
 
 
-def aligned_share(data: "xr.Dataset") -> float:
-    """Share of the mission's first third in which the AUV moves nearly along the line of sight."""
-    third = slice(0, data.sizes["time"] // 3)
-    sight = np.arctan2(data.cna_y - data.auv_y, data.cna_x - data.auv_x)
-    return float((np.abs(np.sin((sight - data.heading).values[third])) < np.sin(ALIGNED)).mean())
+def under(data: "xr.Dataset", change: str) -> Numbers:
+    """Marks by seed under a change."""
+    one = data.sel(change=change)
+    return {
+        str(name).removeprefix("changed_"): values.values
+        for name, values in one.data_vars.items()
+        if values.dims == ("few",)
+    }
 
 
-def along_and_across(data: "xr.Dataset") -> tuple[float, float]:
-    """Mean standard deviation [m] along and across the AUV's course, without the first minutes."""
-    vertical = np.abs(np.sin(data.heading.values)) > np.sin(np.pi / 4)
-    along = np.where(vertical, data.sigma_y.values, data.sigma_x.values)[
-        data.time.values > BEGINNING
-    ]
-    across = np.where(vertical, data.sigma_x.values, data.sigma_y.values)[
-        data.time.values > BEGINNING
-    ]
-    return float(along.mean()), float(across.mean())
-
-
-def performance(name: str, policy: str, data: "xr.Dataset") -> str:
-    """Our and the thesis's error."""
-    rms, most = THESIS[name][policy]
-    ours = f"RMS error {data.rms_error:.2f} m, greatest {data.max_error:.1f} m"
-    return f"{ours} (thesis {rms:g} and {most:g} m)"
-
-
-def found_circle(name: str, data: "xr.Dataset") -> Finding:
-    """Poor: drift, speed estimate overshooting."""
-    overshoot = float((data.speed_estimate / data.speed).max())
+def found(claim: Claim, data: "xr.Dataset") -> Finding:
+    """Each clause by itself, and what decides it."""
+    numbers = as_assumed(data)
+    held = each(claim.clauses, numbers)
+    clauses = "; ".join(
+        f"{clause.text} in {counted(float(one.mean()), one.size)}"
+        for clause, one in zip(claim.clauses, held, strict=True)
+    )
+    rms, most = THESIS[claim.survey][claim.policy]
+    typical = [float(np.median(numbers[mark])) for mark in ("rms_error", "max_error")]
     return Finding(
-        agrees=data.rms_error > LOST,
+        agrees=verdict(claim.clauses, numbers),
         sentence=(
-            f"{performance(name, 'Circular', data)}. With our noise the filter does not drift "
-            "away. Of the causes the thesis gives, the AUV moves within 20° of the line of sight "
-            f"{aligned_share(data):.0%} of the first third, and the speed estimate, which starts "
-            f"at 0, overshoots to {overshoot:.1f} times the speed before it comes back."
+            f"In seeds: {clauses}. Median RMS error {figure(typical[0])} m, greatest "
+            f"{figure(typical[1])} m (thesis {rms:g} and {most:g} m). Drawn is seed {data.shown}, "
+            f"with {figure(data.rms_error_drawn)} and {figure(data.max_error_drawn)} m. "
+            f"{decisive(claim, data)}"
         ),
     )
 
 
-def found_stationary(name: str, data: "xr.Dataset") -> Finding:
-    """Locked on the truth or on its image."""
-    expected = THESIS[name]["Stationary"][0] > LOST
-    end = float((data.speed_estimate[-1] / data.speed[-1]).item())
-    state = (
-        "the point reflection about the aid vehicle, whose ranges and headings are the same"
-        if data.mirrored
-        else "the truth"
-    )
+def decisive(claim: Claim, data: "xr.Dataset") -> str:
+    """Which changes, each alone, turn a clause over: from most seeds to few, or the other way."""
+    before = each(claim.clauses, as_assumed(data))
+    texts = []
+    for label in data.change.values:
+        after = each(claim.clauses, under(data, str(label)))
+        turned = [
+            f"{clause.text} in {now.sum()} of {now.size}"
+            for clause, was, now in zip(claim.clauses, before, after, strict=True)
+            if turned_over(float(was.mean()), float(now.mean()), now.size)
+        ]
+        if turned:
+            texts.append(f"{label} ({', '.join(turned)})")
+    return f"What decides, changed alone: {'; '.join(texts)}." if texts else "No change decides it."
+
+
+def found_with_starts(claim: Claim, data: "xr.Dataset") -> Finding:
+    """The same, and from how many starts each Gramian loses the AUV."""
+    finding = found(claim, data)
+    lost = {
+        str(name): counted(float((data.ends.sel(gramian=name) > LOST).mean()), data.sizes["start"])
+        for name in data.gramian.values
+    }
+    ends = "; ".join(f"the {name} one from {text}" for name, text in lost.items())
     return Finding(
-        agrees=bool(data.mirrored) == expected,
+        agrees=finding.agrees,
         sentence=(
-            f"{performance(name, 'Stationary', data)}. With seed {data.seed}, the first that "
-            f"shows it, the filter locks on {state} (speed estimate {end:+.2f} times the speed at "
-            "the end). Which of the two it is depends on the noise of the first ranges, fast or "
-            "slow: see table5.1 and table5.2."
+            f"{finding.sentence} Of random starts within ±8 m the Gramian loses the AUV, by more "
+            f"than 10 m at the end: {ends}."
         ),
     )
 
 
-def found_follower(name: str, policy: str, data: "xr.Dataset") -> Finding:
-    """Follows or encircles; uncertainty comes and goes with the AUV's turns."""
-    far, rounds, (along, across) = (
-        separation(data).max(),
-        encirclements(data),
-        along_and_across(data),
-    )
-    rms = dict(zip(data.policy.values, data.policy_rms.values, strict=True))
-    other = "Path Inertia" if policy == "Empirical Gramian" else "Empirical Gramian"
-    ratio = rms[policy] / rms[other]
-    close = bool(far < FOLLOWS and data.rms_error < LOST)
-    claimed = {
-        ("survey-slow", "Path Inertia"): close,
-        ("survey-slow", "Empirical Gramian"): bool(ratio > SIMILAR),
-        ("survey-fast", "Path Inertia"): close and rounds > 10.0,
-        ("survey-fast", "Empirical Gramian"): close and 1.0 / SIMILAR < ratio < SIMILAR,
-    }[name, policy]
-    return Finding(
-        agrees=bool(claimed),
-        sentence=(
-            f"{performance(name, policy, data)}. The aid vehicle stays within {far:.1f} m of the "
-            f"AUV and goes round it {rounds:.0f} times. The filter's σ is {along:.2f} m along the "
-            f"AUV's course and {across:.2f} m across, so that each turn of the survey exchanges "
-            f"east and north. The error is {ratio:.2f} times that of the {other} method."
-        ),
-    )
+def rows(claim: Claim, data: "xr.Dataset") -> list[list[str]]:
+    """The ablation: in how many seeds each clause holds under each assumption."""
+    table = [["changed alone", *(clause.text for clause in claim.clauses), "RMS error [m]"]]
+    listed = {AS_ASSUMED: as_assumed(data)}
+    listed |= {str(label): under(data, str(label)) for label in data.change.values}
+    for label, numbers in listed.items():
+        held = each(claim.clauses, numbers)
+        shares = [f"{one.sum()} of {one.size}" for one in held]
+        table.append([label, *shares, figure(float(np.median(numbers["rms_error"])))])
+    return table
 
 
-def item(
-    number: int, name: str, policy: str, found: Callable[["xr.Dataset"], Finding], claim: str
-) -> Item:
+def item(number: int, claim: Claim, text: str) -> Item:
     """One figure of the appendix."""
-    pace = "slow" if name == "survey-slow" else "fast"
+    pace = "slow" if claim.survey == SLOW else "fast"
+    starts = claim.policy == GRAMIAN and claim.survey == SLOW
     return Item(
         name=f"figB.{number}",
-        title=f"Localization, {pace} aid vehicle: {policy}",
-        claim=claim,
-        compute=partial(compute, name, policy),
+        title=f"Localization, {pace} aid vehicle: {claim.policy}",
+        claim=text,
+        compute=partial(compute_with_starts if starts else compute, claim),
         draw=draw,
-        found=found,
+        found=partial(found_with_starts if starts else found, claim),
+        rows=partial(rows, claim),
     )
 
 
-SLOW, FAST = "survey-slow", "survey-fast"
-ITEMS = (
+ITEMS: tuple[Item, ...] = (
     item(
         1,
-        SLOW,
-        "Circular",
-        partial(found_circle, SLOW),
+        Claim(
+            survey=SLOW,
+            policy=CIRCLE,
+            clauses=(
+                LOST_CLAUSE,
+                Clause(text="lost in the first third", mark="lost_at", below=1 / 3),
+                Clause(
+                    text="until then along the line of sight most of the time",
+                    mark="aligned",
+                    above=0.5,
+                ),
+            ),
+            changes=(LOOSE, VAGUE, SIGMA),
+        ),
         "Very poor, with a large drift that begins while the AUV moves along the line of sight.",
     ),
     item(
         2,
-        SLOW,
-        "Stationary",
-        partial(found_stationary, SLOW),
+        Claim(
+            survey=SLOW,
+            policy=STATIONARY,
+            clauses=(Clause(text="on the AUV most of the time", mark="at_truth", above=0.5),),
+            changes=(LOOSE, BEACON, SIGMA),
+        ),
         "The survey moves enough for the filter to lock on to the AUV's position.",
     ),
     item(
         3,
-        SLOW,
-        "Path Inertia",
-        partial(found_follower, SLOW, "Path Inertia"),
+        Claim(
+            survey=SLOW,
+            policy=INERTIA,
+            clauses=(
+                FOLLOWED,
+                SIGMA_GROWS,
+                Clause(text="the error is not", mark="most_exchange", below=GROWS),
+                WITHIN,
+            ),
+            changes=(LOOSE, SIGMA, ITERATED),
+        ),
         (
             "The path essentially follows the AUV; the uncertainty in x and y grows and shrinks "
             "as the AUV turns, the error does not."
@@ -277,40 +311,78 @@ ITEMS = (
     ),
     item(
         4,
-        SLOW,
-        "Empirical Gramian",
-        partial(found_follower, SLOW, "Empirical Gramian"),
+        Claim(
+            survey=SLOW,
+            policy=GRAMIAN,
+            clauses=(
+                Clause(text="does not follow: over 5 m away", mark="farthest", above=FOLLOWS),
+                Clause(text="error over twice path inertia's", mark="ratio", above=SIMILAR),
+            ),
+            changes=(EXACT, TURNS, START, LOOSE),
+            rival=(SLOW, INERTIA),
+        ),
         "An unintuitive path; the method may suffer where the AUV is as fast as the aid vehicle.",
     ),
     item(
         5,
-        FAST,
-        "Circular",
-        partial(found_circle, FAST),
+        Claim(
+            survey=FAST,
+            policy=CIRCLE,
+            clauses=(
+                LOST_CLAUSE,
+                Clause(text="speed estimate over twice the speed", mark="overshoot", above=2.0),
+                Clause(text="RMS error greater than slow", mark="ratio", above=1.0),
+            ),
+            changes=(LOOSE, VAGUE),
+            rival=(SLOW, CIRCLE),
+        ),
         "Very poor, worse than slow: an inflated speed estimate causes a large excursion.",
     ),
     item(
         6,
-        FAST,
-        "Stationary",
-        partial(found_stationary, FAST),
-        "The filter locks on an incorrect estimate that mirrors the position.",
+        Claim(
+            survey=FAST,
+            policy=STATIONARY,
+            clauses=(
+                LOST_CLAUSE,
+                Clause(
+                    text="on the mirror image over the y-axis most of the time",
+                    mark="at_mirror",
+                    above=0.5,
+                ),
+            ),
+            changes=(LOOSE, BEACON),
+        ),
+        "The filter locks on an incorrect estimate that mirrors the position over the y-axis.",
     ),
     item(
         7,
-        FAST,
-        "Path Inertia",
-        partial(found_follower, FAST, "Path Inertia"),
+        Claim(
+            survey=FAST,
+            policy=INERTIA,
+            clauses=(FOLLOWED, ROUND, SIGMA_GROWS, ERROR_GROWS, WITHIN),
+            changes=(LOOSE,),
+        ),
         (
             "The path follows the AUV, encircling it repeatedly; the uncertainty in x and y grows "
-            "and shrinks as the AUV turns."
+            "and shrinks as the AUV turns, and the error slightly with it."
         ),
     ),
     item(
         8,
-        FAST,
-        "Empirical Gramian",
-        partial(found_follower, FAST, "Empirical Gramian"),
-        "A path, and an error, similar to path inertia's.",
+        Claim(
+            survey=FAST,
+            policy=GRAMIAN,
+            clauses=(
+                FOLLOWED,
+                ROUND,
+                SIGMA_GROWS,
+                ERROR_GROWS,
+                Clause(text="error under twice path inertia's", mark="ratio", below=SIMILAR),
+            ),
+            changes=(EXACT, LOOSE),
+            rival=(FAST, INERTIA),
+        ),
+        "A path similar to path inertia's, and an error with the same trend.",
     ),
 )

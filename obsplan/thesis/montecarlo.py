@@ -42,11 +42,10 @@ def fly_grid(
     import xarray as xr
 
     steps = sum(scenario.time.size for scenario in cases.values()) * len(seeds)
-    if planner is not None or steps < WORTH_A_CLUSTER:
-        values = [
-            fly_here(one, seeds, None if planner is None else planner(*key))
-            for key, one in cases.items()
-        ]
+    if planner is not None:
+        values = [fly_here(one, seeds, planner(*key)) for key, one in cases.items()]
+    elif steps < WORTH_A_CLUSTER:
+        values = fly_once_each(list(cases.values()), seeds)
     else:
         values = fly_as_campaign([(one, seeds) for one in cases.values()])
     coordinates = [list(dict.fromkeys(labels)) for labels in zip(*cases, strict=True)]
@@ -64,6 +63,16 @@ def fly_here(scenario: Scenario, seeds: range, planner: Planner | None = None) -
     """Figures of one case by seed, flown in this process."""
     loop = ClosedLoop(scenario=scenario, planner=planner or scenario.planner(), compiled=True)
     return [figures(loop.fly(seed)) for seed in seeds]
+
+
+def fly_once_each(scenarios: Sequence[Scenario], seeds: range) -> list[list[list[float]]]:
+    """Figures of each case by seed; those that are the same under two names are flown once."""
+    from obsplan.campaign.plan import cell_of
+
+    keys = [cell_of(one, base="thesis", settings=(), seeds=seeds).key for one in scenarios]
+    different = dict(zip(keys, scenarios, strict=True))
+    flown = {key: fly_here(one, seeds) for key, one in different.items()}
+    return [flown[key] for key in keys]
 
 
 def figures(run: Run) -> list[float]:
@@ -115,19 +124,6 @@ def _row(row: Any) -> list[float]:
     ]
 
 
-def is_mirrored(run: Run) -> bool:
-    """Whether the first AUV's estimate ends nearer to its mirror image than to the truth.
-
-    The image is the point reflection about the aid vehicle. Its ranges and headings are the same
-    if its speed is the opposite: an aid vehicle at rest can never tell.
-    """
-    late = slice(run.time.size // 2, None)
-    truth, mean, center = run.true[0, late, :2], run.mean[0, late, :2], run.cna[late, :2]
-    return bool(
-        np.median(np.hypot(*(mean - (2.0 * center - truth)).T)) < np.median(run.error[0, late])
-    )
-
-
 def interval(share: float, n: int) -> tuple[float, float]:
     """95 % confidence interval of a share of n (Wilson 1927)."""
     scale = 1 + Z95**2 / n
@@ -135,6 +131,18 @@ def interval(share: float, n: int) -> tuple[float, float]:
     variance = share * (1 - share) / n + Z95**2 / (4 * n**2)
     half = Z95 / scale * np.sqrt(variance)
     return middle - half, middle + half
+
+
+def judged(share: float, n: int) -> bool | None:
+    """Whether a share of n is more than a half, at 95 %; None where the seeds do not decide."""
+    low, high = interval(share, n)
+    return True if low > 0.5 else False if high < 0.5 else None
+
+
+def counted(share: float, n: int) -> str:
+    """A share of n seeds, with its interval, as text."""
+    low, high = interval(share, n)
+    return f"{share * n:.0f} of {n} [{max(low, 0.0):.0%}, {min(high, 1.0):.0%}]"
 
 
 def spread(values: np.ndarray) -> str:

@@ -9,10 +9,10 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from obsplan.scenario import Scenario, load
+from obsplan.thesis.assumptions import POLICIES, PRINTED
 from obsplan.thesis.item import Finding, Item
 from obsplan.thesis.montecarlo import figure, fly_grid
 from obsplan.thesis.paired import QUARTILES, Case, Paired, by_case, compare, seeds, table
-from obsplan.thesis.tables import POLICIES, PRINTED
 
 if TYPE_CHECKING:
     import xarray as xr

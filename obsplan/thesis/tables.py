@@ -1,283 +1,274 @@
-"""Tables 5.1 and 5.2: four policies, fast and slow, over many seeds and a grid of assumptions."""
+"""Tables 5.1 and 5.2: four policies, fast and slow, and which of our assumptions decide them."""
 
 from functools import partial
 from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from obsplan.report.style import AID, colour
-from obsplan.scenario import Scenario, load
-from obsplan.thesis.item import Finding, Item
-from obsplan.thesis.montecarlo import figure, fly_grid, interval, spread
+from obsplan.thesis import assumptions
+from obsplan.thesis.assumptions import AS_ASSUMED, CHANGES, FAST, OURS, POLICIES, SLOW, THESIS
+from obsplan.thesis.item import VERDICTS, Finding, Item
+from obsplan.thesis.marks import LOST
+from obsplan.thesis.montecarlo import counted, figure, fly_grid, interval, judged, spread
+from obsplan.thesis.tables_drawing import draw
 
 if TYPE_CHECKING:
     import xarray as xr
 
-POLICIES = {
-    "Empirical Gramian": ("gramian", 'planner.gramian="exact"'),
-    "Path Inertia": ("path-inertia", "planner.gamma=1.0"),
-    "Circular": ("circle",),
-    "Stationary": ("stationary",),
-}
-# (4.6) without the heading's effect on the ranges
-PRINTED = {"Gramian as printed": ("gramian", 'planner.gramian="thesis"')}
-THESIS = {  # distance error, RMS and maximum [m]
-    "survey-fast": {
-        "Empirical Gramian": (0.1, 2.3),
-        "Path Inertia": (0.2, 3.1),
-        "Circular": (29.3, 117.8),
-        "Stationary": (71.0, 118.0),
-    },
-    "survey-slow": {
-        "Empirical Gramian": (5.6, 16.3),
-        "Path Inertia": (0.3, 3.1),
-        "Circular": (24.1, 48.6),
-        "Stationary": (2.5, 12.6),
-    },
-}
-AUV, FIRST, NOISE = "auv.0", "auv.0.first_estimate", "auv.0.process_noise"
-ASSUMPTIONS = {
-    "as stated": (),
-    "σ = 0.5 m²": ("ranging.sigma=0.5",),
-    "σ = 8 m²": ("ranging.sigma=8.0",),
-    "the range itself, σ = 0.5 m": ('ranging.kind="range"', "ranging.sigma=0.5"),
-    "a range every 1 s": ("ranging.interval=1.0",),
-    "a range every 10 s": ("ranging.interval=10.0",),
-    "no process noise": (f"{NOISE}.position=0.0", f"{NOISE}.heading_deg=0.0", f"{NOISE}.speed=0.0"),
-    "5 times the process noise": (
-        f"{NOISE}.position=0.1",
-        f"{NOISE}.heading_deg=0.5",
-        f"{NOISE}.speed=0.025",
-    ),
-    "first estimate vague, 10 m, 10 m/s": (
-        f"{FIRST}.sigma_position=10.0",
-        f"{FIRST}.sigma_speed=10.0",
-    ),
-    "first estimate too sure, 0.1 m": (f"{FIRST}.sigma_position=0.1",),
-}
-STRONG = 0.35  # distance of a share from a half whose colour is dark
-LOST = 10.0  # RMS error [m] of a lost position: a quarter of a leg
-DECIDED = {True: "reproduced", False: "reversed", None: "undecided"}
-GRID_SHARE = 10  # a tenth of the seeds for each cell of the grid
+DECIDED = {True: "agrees", False: "does not agree", None: "undecided"}
+# Half an order of magnitude: the thesis has one run, of a noise that it does not state.
+SIZE = float(np.sqrt(10.0))
+GRID_SHARE = 5  # a fifth of the seeds for each cell of the grid
 
-
-def policies(name: str, *settings: str, printed: bool = True) -> dict[str, Scenario]:
-    """A survey under every policy."""
-    listed = POLICIES | (PRINTED if printed else {})
-    return {
-        label: load(name, planner=planner, settings=(*settings, *own))
-        for label, (planner, *own) in listed.items()
-    }
+Pair = tuple[str, str]
 
 
 def compute(name: str, *, runs: int, seed: int) -> "xr.Dataset":
-    """Errors by policy and seed as assumed, and by assumption over fewer seeds."""
-    few = range(seed, seed + max(2, runs // GRID_SHARE))
-    stated = fly_grid(
-        {(label,): one for label, one in policies(name).items()},
-        ("policy",),
-        range(seed, seed + runs),
-    )
+    """Errors by policy and seed, like the thesis and as ours, and by assumption over few seeds."""
+    many = range(seed, seed + runs)
+    like = {(label,): one for label, one in assumptions.like(name).items()}
+    own = {(label,): one for label, one in assumptions.policies(name).items()}
+    data, beside = fly_grid(like, ("policy",), many), fly_grid(own, ("own_policy",), many)
     cells = {
         (text, label): one
-        for text, settings in ASSUMPTIONS.items()
-        for label, one in policies(name, *settings, printed=False).items()
+        for listed, under in ((CHANGES, assumptions.like), (OURS, assumptions.ours))
+        for text, change in listed.items()
+        for label, one in under(name, change).items()
     }
-    grid = fly_grid(cells, ("assumption", "grid_policy"), few)
-    return stated.assign(grid_rms_error=grid.rms_error.rename(seed="grid_seed"))
+    few = range(seed, seed + max(2, runs // GRID_SHARE))
+    grid = fly_grid(cells, ("assumption", "grid_policy"), few).rename(seed="grid_seed")
+    return data.assign(
+        own_rms_error=beside.rms_error,
+        own_max_error=beside.max_error,
+        grid_rms_error=grid.rms_error,
+    )
 
 
-def orderings(name: str) -> list[tuple[str, str]]:
+def orderings(name: str) -> list[Pair]:
     """Pairs of policies that the thesis reports, the better by RMS error first."""
     ranked = sorted(POLICIES, key=lambda label: THESIS[name][label][0])
     return list(combinations(ranked, 2))
 
 
-def holds(data: "xr.Dataset", better: str, worse: str) -> tuple[float, bool | None]:
-    """Share of seeds in which one policy beats the other, and whether it does so at 95 %.
+def share_before(errors: "xr.DataArray", better: str, worse: str) -> float:
+    """Share of seeds in which one policy beats the other, of errors by policy and seed."""
+    label = next(str(dim) for dim in errors.dims if str(dim).endswith("policy"))
+    return float((errors.sel({label: better}) < errors.sel({label: worse})).mean())
 
-    None where the seeds do not decide.
+
+def holds(errors: "xr.DataArray", better: str, worse: str) -> tuple[float, bool | None]:
+    """Share of seeds in which one policy beats the other, and whether it does so in most."""
+    share = share_before(errors, better, worse)
+    return share, judged(share, errors.sizes["seed"])
+
+
+def all_at_once(errors: "xr.DataArray", name: str) -> int:
+    """Number of seeds in which every ordering holds, of errors by policy and seed."""
+    label = next(str(dim) for dim in errors.dims if str(dim).endswith("policy"))
+    ranked = sorted(POLICIES, key=lambda policy: THESIS[name][policy][0])
+    rising = errors.sel({label: ranked}).transpose(..., label).values
+    return int((np.diff(rising, axis=-1) > 0).all(axis=-1).sum())
+
+
+def size(name: str, errors: "xr.DataArray", label: str) -> float:
+    """Median RMS error over the thesis's, of errors by policy and seed."""
+    return float(np.median(errors.sel(policy=label))) / THESIS[name][label][0]
+
+
+def sized(ratio: float) -> bool:
+    """Whether a size agrees: within half an order of magnitude either way."""
+    return 1.0 / SIZE < ratio < SIZE
+
+
+def deciders(data: "xr.Dataset", better: str, worse: str) -> dict[str, float]:
+    """Changes that reverse an ordering, each alone, and the share of seeds in which it holds then.
+
+    Reversed is what holds in less than half of the seeds, and in fewer, at 95 %, than as assumed.
     """
-    share = float((data.rms_error.sel(policy=better) < data.rms_error.sel(policy=worse)).mean())
-    low, high = interval(share, data.sizes["seed"])
-    return share, True if low > 0.5 else False if high < 0.5 else None
-
-
-def reason(name: str, data: "xr.Dataset", better: str, worse: str) -> str:
-    """Why an ordering is as it is with us."""
-    errors = {label: data.rms_error.sel(policy=label).values for label in (better, worse)}
-    clauses = []
-    if "Stationary" in errors:
-        lost = errors["Stationary"] > LOST
-        good = (
-            f"{figure(np.median(errors['Stationary'][~lost]))} m otherwise"
-            if not lost.all()
-            else "never right"
-        )
-        image = "an image" if THESIS[name]["Stationary"][0] > LOST else "the truth"
-        clauses.append(
-            f"stationary is on the mirror image in {lost.mean():.0%} of the seeds and {good}; the "
-            f"thesis's run was on {image}"
-        )
-    if "Circular" in errors:
-        drifted, thesis = np.mean(errors["Circular"] > LOST), THESIS[name]["Circular"][0]
-        clauses.append(
-            f"on the circle the filter drifts away in {drifted:.0%} of the seeds; the thesis's "
-            f"did, to {thesis:g} m"
-        )
-    if not clauses:
-        ours = (figure(np.median(errors[better])), figure(np.median(errors[worse])))
-        theirs = (THESIS[name][p][0] for p in (better, worse))
-        clauses.append(
-            f"medians {' and '.join(ours)} m, the thesis's runs "
-            f"{' and '.join(f'{value:g}' for value in theirs)} m"
-        )
-    return "; ".join(clauses)
+    grid, n = data.grid_rms_error, data.sizes["grid_seed"]
+    shares = {
+        change: share_before(grid.sel(assumption=change), better, worse) for change in CHANGES
+    }
+    assumed = shares.pop(AS_ASSUMED)
+    return {
+        change: share
+        for change, share in shares.items()
+        if share < 0.5 and interval(share, n)[1] < assumed
+    }
 
 
 def rows(name: str, data: "xr.Dataset") -> list[list[str]]:
-    """Errors beside the thesis's, then the orderings."""
-    first = [
-        "policy",
-        "thesis RMS [m]",
-        "thesis greatest [m]",
-        "RMS [m], median [quartiles]",
-        "greatest [m]",
-        "lost",
+    """Sizes, orderings and the ablation, one below the other, each under its own heading."""
+    return size_rows(name, data) + ordering_rows(name, data) + ablation_rows(name, data)
+
+
+def size_rows(name: str, data: "xr.Dataset") -> list[list[str]]:
+    """Errors beside the thesis's."""
+    table = [
+        [
+            "policy",
+            "thesis: RMS (greatest) [m]",
+            "RMS, median [quartiles] (greatest) [m]",
+            "size",
+            "with our own noise [m]",
+            "lost: like the thesis, with ours",
+        ]
     ]
-    table = [first]
-    for label in data.policy.values:
-        theirs = [f"{value:g}" for value in THESIS[name].get(label, ())] or ["", ""]
-        one = data.sel(policy=label)
+    for label in POLICIES:
+        rms, most = THESIS[name][label]
+        like, own = data.sel(policy=label), data.sel(own_policy=label)
+        ratio = size(name, data.rms_error, label)
         table.append(
             [
                 label,
-                *theirs,
-                spread(one.rms_error.values),
-                spread(one.max_error.values),
-                f"{float((one.rms_error > LOST).mean()):.0%}",
-            ]
-        )
-    table.append(
-        ["ordering by RMS error", "thesis", "seeds in which it holds", "verdict", "why", ""]
-    )
-    for better, worse in orderings(name):
-        share, decided = holds(data, better, worse)
-        table.append(
-            [
-                f"{better} before {worse}",
-                "yes",
-                f"{share:.0%}",
-                DECIDED[decided],
-                reason(name, data, better, worse),
-                "",
+                f"{rms:g} ({most:g})",
+                _errors(like.rms_error, like.max_error),
+                f"{DECIDED[sized(ratio)]}: {ratio:.2g} times",
+                _errors(own.own_rms_error, own.own_max_error),
+                f"{_lost(like.rms_error):.0%}, {_lost(own.own_rms_error):.0%}",
             ]
         )
     return table
 
 
+def _errors(rms: "xr.DataArray", most: "xr.DataArray") -> str:
+    return f"{spread(rms.values)} ({figure(float(np.median(most)))})"
+
+
+def _lost(errors: "xr.DataArray") -> float:
+    """Share of missions that lose the position."""
+    return float((errors > LOST).mean())
+
+
+def ordering_rows(name: str, data: "xr.Dataset") -> list[list[str]]:
+    """Each ordering: in how many seeds it holds, and what reverses it."""
+    table = [
+        [
+            "ordering by RMS error",
+            "thesis",
+            "seeds in which it holds [95 %]",
+            "verdict",
+            "with our own noise",
+            "reversed by, alone (holds in)",
+        ]
+    ]
+    n = data.sizes["seed"]
+    for better, worse in orderings(name):
+        share, decided = holds(data.rms_error, better, worse)
+        own = share_before(data.own_rms_error, better, worse)
+        reverse = deciders(data, better, worse)
+        table.append(
+            [
+                f"{better} before {worse}",
+                "yes",
+                counted(share, n),
+                DECIDED[decided],
+                f"{own:.0%}",
+                "; ".join(f"{change} ({left:.0%})" for change, left in reverse.items()),
+            ]
+        )
+    return table
+
+
+def ablation_rows(name: str, data: "xr.Dataset") -> list[list[str]]:
+    """Median RMS error of each policy under each assumption, one changed at a time."""
+    table = [
+        ["changed alone: median RMS [m] (lost)", *POLICIES, "all six orderings at once [95 %]"]
+    ]
+    n = data.sizes["grid_seed"]
+    for change in data.assumption.values:
+        errors = data.grid_rms_error.sel(assumption=change)
+        cells = [
+            f"{figure(float(np.median(one)))} ({_lost(one):.0%})"
+            for one in (errors.sel(grid_policy=label) for label in POLICIES)
+        ]
+        table.append([str(change), *cells, counted(all_at_once(errors, name) / n, n)])
+    return table
+
+
 def found(name: str, data: "xr.Dataset") -> Finding:
-    """Each ordering: reproduced, reversed or undecided."""
-    decided = {pair: holds(data, *pair) for pair in orderings(name)}
-    count = sum(mark is True for _, mark in decided.values())
-    errors = "; ".join(
-        f"{label} {spread(data.rms_error.sel(policy=label).values)}" for label in data.policy.values
-    )
-    marks = "; ".join(
-        f"{a} before {b} {DECIDED[mark]} ({share:.0%})" for (a, b), (share, mark) in decided.items()
-    )
-    whys = dict.fromkeys(why for pair in decided for why in reason(name, data, *pair).split("; "))
+    """Orderings and sizes as the thesis's, what decides them, and what our own noise makes."""
+    order = {pair: holds(data.rms_error, *pair) for pair in orderings(name)}
+    ratios = {label: size(name, data.rms_error, label) for label in POLICIES}
+    ordered = sum(mark is True for _, mark in order.values())
+    right = sum(sized(ratio) for ratio in ratios.values())
+    whole = ordered == len(order) and right == len(ratios)
     return Finding(
-        agrees=True if count == len(decided) else None if count else False,
-        sentence=(
-            f"RMS errors [m], median [quartiles] over {data.sizes['seed']} seeds: {errors}. "
-            f"{count} of {len(decided)} orderings are reproduced (share of seeds): {marks}. Why: "
-            f"{'; '.join(whys)}."
+        agrees=True if whole else None if 2 * ordered >= len(order) else False,
+        sentence=" ".join(
+            [
+                order_sentence(name, data, order),
+                size_sentence(ratios),
+                decisive(name, data),
+                beside(name, data),
+            ]
         ),
     )
 
 
-def draw(name: str, data: "xr.Dataset") -> Figure:
-    """Errors beside the thesis's, and the share of seeds in which each ordering holds.
-
-    The errors are RMS and greatest; the shares are over the grid.
-    """
-    figure = Figure(figsize=(13.5, 4.6), layout="constrained")
-    left, middle, right = figure.subplots(1, 3, width_ratios=(1.0, 1.0, 1.1))
-    for axes, variable, column, label in (
-        (left, "rms_error", 0, "RMS error [m]"),
-        (middle, "max_error", 1, "Greatest error [m]"),
-    ):
-        _draw_errors(axes, name, data, variable, column)
-        axes.set_xlabel(label)
-    middle.set_yticklabels([])
-    left.plot([], [], "D", ms=7, mfc="none", mec="black", label="thesis, one run")
-    left.plot([], [], "|", ms=14, mew=2, color=AID, label="median and quartiles")
-    left.legend(loc="upper left", bbox_to_anchor=(0.0, 1.16), ncols=2, fontsize=8)
-    _draw_grid(right, name, data)
-    return figure
-
-
-def _draw_errors(axes: Axes, name: str, data: "xr.Dataset", variable: str, column: int) -> None:
-    labels = [str(label) for label in data.policy.values]
-    for y, label in enumerate(labels):
-        values = data[variable].sel(policy=label).values
-        first, median, third = np.quantile(values, [0.25, 0.5, 0.75])
-        axes.plot(
-            values,
-            y + np.linspace(-0.25, 0.25, values.size),
-            "o",
-            ms=3,
-            mfc=colour(y),
-            mec="none",
-            alpha=0.5,
-        )
-        axes.plot([first, third], [y, y], color=AID, lw=1.5)
-        axes.plot(median, y, "|", ms=16, mew=2.0, color=AID)
-        if label in THESIS[name]:
-            axes.plot(THESIS[name][label][column], y, "D", ms=8, mfc="none", mec="black", mew=1.4)
-    axes.set_xscale("log")
-    axes.set_yticks(range(len(labels)), labels)
-    axes.set_ylim(len(labels) - 0.5, -0.5)
-
-
-def _draw_grid(axes: Axes, name: str, data: "xr.Dataset") -> None:
-    pairs, cells = orderings(name), [str(cell) for cell in data.assumption.values]
-    shares = np.array([[grid_share(data, cell, *pair) for pair in pairs] for cell in cells])
-    axes.imshow(shares, cmap="RdBu", vmin=0.0, vmax=1.0, aspect="auto")
-    for (i, k), share in np.ndenumerate(shares):
-        axes.text(
-            k,
-            i,
-            f"{share:.0%}",
-            ha="center",
-            va="center",
-            fontsize=7,
-            color="white" if abs(share - 0.5) > STRONG else "black",
-        )
-    short = {
-        "Empirical Gramian": "Gramian",
-        "Path Inertia": "Inertia",
-        "Circular": "Circle",
-        "Stationary": "At rest",
-    }
-    axes.set_xticks(
-        range(len(pairs)),
-        ["\n< ".join(short.get(p, p) for p in pair) for pair in pairs],
-        fontsize=7,
+def order_sentence(
+    name: str, data: "xr.Dataset", order: dict[Pair, tuple[float, bool | None]]
+) -> str:
+    """How many orderings hold, and in how many seeds."""
+    n = data.sizes["seed"]
+    ordered = sum(mark is True for _, mark in order.values())
+    verdict = VERDICTS[ordered == len(order) or (None if 2 * ordered >= len(order) else False)]
+    marks = "; ".join(
+        f"{a} before {b} {counted(share, n)}{'' if mark else f' ({DECIDED[mark]})'}"
+        for (a, b), (share, mark) in order.items()
     )
-    axes.set_yticks(range(len(cells)), cells, fontsize=8)
-    axes.set_title(f"Seeds (of {data.sizes['grid_seed']}) in which the thesis's ordering holds")
-    axes.grid(visible=False)
+    together = counted(all_at_once(data.rms_error, name) / n, n)
+    return (
+        f"Orderings: {verdict}. Under assumptions like the thesis's (`{assumptions.LIKE[name]}`) "
+        f"{ordered} of {len(order)} hold in most seeds: {marks}. All hold at once in {together}."
+    )
 
 
-def grid_share(data: "xr.Dataset", assumption: str, better: str, worse: str) -> float:
-    """Share of seeds in which one policy beats the other under an assumption."""
-    cell = data.grid_rms_error.sel(assumption=assumption)
-    return float((cell.sel(grid_policy=better) < cell.sel(grid_policy=worse)).mean())
+def size_sentence(ratios: dict[str, float]) -> str:
+    """Which sizes agree."""
+    right = sum(sized(ratio) for ratio in ratios.values())
+    verdict = VERDICTS[right == len(ratios) or (None if right else False)]
+    texts = ", ".join(f"{label} {ratio:.2g}" for label, ratio in ratios.items())
+    return (
+        f"Sizes: {verdict}. Median RMS error over the thesis's: {texts}; within "
+        f"{SIZE:.1f} times either way are {right} of {len(ratios)}."
+    )
+
+
+def decisive(name: str, data: "xr.Dataset") -> str:
+    """What decides, measured: changes that reverse orderings, and the mechanism of each."""
+    reversed_by: dict[str, list[str]] = {}
+    for pair in orderings(name):
+        for change in deciders(data, *pair):
+            reversed_by.setdefault(change, []).append(" before ".join(pair))
+    if not reversed_by:
+        return "No assumption changed alone reverses an ordering."
+    clauses = [
+        f"{change} reverses {' and '.join(pairs)}"
+        + (f" ({CHANGES[change].why})" if CHANGES[change].why else "")
+        for change, pairs in reversed_by.items()
+    ]
+    return f"What decides, changed alone: {'; '.join(clauses)}."
+
+
+def beside(name: str, data: "xr.Dataset") -> str:
+    """What is left of it with our own noise, and why that is as it is."""
+    held = [
+        pair
+        for pair in orderings(name)
+        if judged(share_before(data.own_rms_error, *pair), data.sizes["seed"])
+    ]
+    medians = ", ".join(
+        f"{label} {figure(float(np.median(data.own_rms_error.sel(own_policy=label))))} m"
+        for label in data.own_policy.values
+    )
+    return (
+        f"With our own noise (`{name}`), whose filter is told what the AUV's speed does, "
+        f"0.005 m/s/√s, and how little it knows at first, {len(held)} of 6 orderings hold: "
+        f"{medians}. There the circle does not drift, and which of AUV and image a beacon at "
+        "rest finds is chance."
+    )
 
 
 def item(name: str, number: str, title: str, claim: str) -> Item:
@@ -287,7 +278,7 @@ def item(name: str, number: str, title: str, claim: str) -> Item:
         title=title,
         claim=claim,
         compute=partial(compute, name),
-        draw=partial(draw, name),
+        draw=partial(draw, name, orderings(name), share_before),
         found=partial(found, name),
         rows=partial(rows, name),
     )
@@ -295,7 +286,7 @@ def item(name: str, number: str, title: str, claim: str) -> Item:
 
 ITEMS = (
     item(
-        "survey-fast",
+        FAST,
         "1",
         "Localization with a fast aid vehicle, ten times the AUV's speed",
         (
@@ -304,7 +295,7 @@ ITEMS = (
         ),
     ),
     item(
-        "survey-slow",
+        SLOW,
         "2",
         "Localization with a slow aid vehicle, as fast as the AUV",
         (
