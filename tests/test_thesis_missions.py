@@ -16,6 +16,7 @@ from obsplan.thesis import (
     study_blend,
     study_gramian,
     study_inertia,
+    study_measure,
     study_speeds,
     tables,
 )
@@ -244,7 +245,10 @@ def test_weights_that_follow_covariances_are_their_traces():
 
 @pytest.fixture
 def coarse(monkeypatch):
-    """Studies of fewer cases."""
+    """Studies of fewer cases and shorter surveys."""
+    short = ("auv.0.survey.legs=1", "auv.0.survey.length=8.0")
+    for study in (study_gramian, study_inertia, study_measure):
+        monkeypatch.setattr(study, "SMALL", short)
     monkeypatch.setattr(study_gramian, "HORIZONS", (1 / 6, 2 / 3, 4.0))
     monkeypatch.setattr(study_gramian, "EULER_STEPS", (1, 5, 21))
     monkeypatch.setattr(study_blend, "WEIGHTS", (1.0, 30.0))
