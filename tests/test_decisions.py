@@ -126,8 +126,8 @@ def key(scenario, planner, _settings=()):
 
 
 def slow(scenario, planner):
-    """The long half: what a search takes, and many AUVs."""
-    return planner in SEARCHED or (scenario.startswith("suite/") and planner == "information")
+    """The long half: what a search takes, and the suite."""
+    return planner in SEARCHED or scenario.startswith("suite/")
 
 
 def parameters():
