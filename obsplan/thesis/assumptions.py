@@ -66,7 +66,7 @@ VAGUE = "first estimate 2 m, 1 m/s, as ours"
 WALK = "process noise of the truth, as ours"
 TURNS = "21 turn rates, as ours"
 ITERATED = "iterated EKF"
-# To assumptions like the thesis\'s: nothing, then ours one at a time, then others.
+# To assumptions like the thesis's: nothing, then ours one at a time, then others.
 CHANGES: dict[str, Change] = {
     AS_ASSUMED: Change(),
     LOOSE: Change(
