@@ -66,9 +66,8 @@ VAGUE = "first estimate 2 m, 1 m/s, as ours"
 WALK = "process noise of the truth, as ours"
 TURNS = "21 turn rates, as ours"
 ITERATED = "iterated EKF"
-CHANGES: dict[
-    str, Change
-] = {  # of assumptions like the thesis's; nothing, then ours one at a time, then others
+# To assumptions like the thesis's: nothing, then ours one at a time, then others.
+CHANGES: dict[str, Change] = {
     AS_ASSUMED: Change(),
     LOOSE: Change(
         everywhere=(f"{FILTER}.speed=0.005",),
@@ -116,7 +115,8 @@ CHANGES: dict[
     ),
     ITERATED: Change(everywhere=('estimator.kind="iterated-ekf"',)),
 }
-OURS: dict[str, Change] = {  # of ours; nothing, then one at a time
+# To ours: nothing, then one at a time.
+OURS: dict[str, Change] = {
     "ours": Change(),
     "ours, σ = 0.5 m²": Change(everywhere=("ranging.sigma=0.5",)),
     "ours, σ = 8 m²": Change(everywhere=("ranging.sigma=8.0",)),
