@@ -142,8 +142,8 @@ def headline(compared: dict[Case, Paired]) -> str:
     gains = sorted(1.0 / one.ratio for one in surveys)
     return (
         f"The unobservability index alone errs {gains[0]:.1f} to {gains[1]:.1f} times less in the "
-        "surveys than the condition number. Blends come near it only where it weighs ten times "
-        "as much or more. RMS errors, median [quartiles], and ratios seed by seed."
+        "surveys than the condition number. RMS errors, median [quartiles], and ratios seed by "
+        "seed."
     )
 
 
