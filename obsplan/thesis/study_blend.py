@@ -86,11 +86,11 @@ def draw(data: "xr.Dataset") -> Figure:
     for k, mission in enumerate(data.mission.values):
         _draw_curve(axes[0], data.sel(mission=mission), colour(k))
     axes[0].set(
-        xlabel="Weight of the unobservability index in the blend [-]\n"
-        "(dashes at the left: condition number alone; at the right: index alone)",
+        xlabel="Weight of the index in the blend [-]\n"
+        "(left of it the condition number alone, right the index)",
         ylabel="RMS error [m]",
     )
-    axes[0].legend(fontsize=7)
+    axes[0].legend(fontsize=7, loc="upper right")
     log_ticks(axes[0], "y")
     alone = data.sel(metric=list(METRICS))
     draw_options(axes[1], alone, "metric", "rms_error", "RMS error [m]")
@@ -142,8 +142,8 @@ def headline(compared: dict[Case, Paired]) -> str:
     gains = sorted(1.0 / one.ratio for one in surveys)
     return (
         f"The unobservability index alone errs {gains[0]:.1f} to {gains[1]:.1f} times less in the "
-        "surveys than the condition number. Blends come near it only where it weighs ten times "
-        "as much or more. RMS errors, median [quartiles], and ratios seed by seed."
+        "surveys than the condition number. RMS errors, median [quartiles], and ratios seed by "
+        "seed."
     )
 
 

@@ -167,20 +167,28 @@ def found_weights(data: "xr.Dataset") -> Finding:
         for weights in missing
         if missing[weights] > missing[take] and weights not in (DYNAMIC, share_of(EQUAL))
     ]
+    gained = (
+        f"{compared[(take,)].errs} ({compared[(take,)].against}) against "
+        f"{compared[(share_of(EQUAL),)].errs} with equal weights; weights following the "
+        f"covariances {dynamic.errs} ({dynamic.against})"
+    )
+    risked = ", ".join(
+        [
+            f"{take} loses {missing[take]} of {seeds_flown}",
+            f"equal weights {missing[share_of(EQUAL)]}",
+            f"dynamic ones {missing[DYNAMIC]}",
+            *risky,
+        ]
+    )
     return Finding(
         agrees=None,
         sentence=(
             "One of three AUVs at rest strays ten times as much as the others. Unequal weights "
             f"help, dynamic ones {'do, too' if gains else 'gain nothing'}. Recommended: {take} "
             "for it, of which the worst missions are best. RMS errors, median [quartiles]: "
-            f"{compared[(take,)].errs} "
-            f"({compared[(take,)].against}) against {compared[(share_of(EQUAL),)].errs} with "
-            f"equal weights; weights following the covariances {dynamic.errs} ({dynamic.against}). "
-            f"A mission is lost where the worst AUV errs by more than {LOST:g} m: {take} loses "
-            f"{missing[take]} of {seeds_flown}, equal weights {missing[share_of(EQUAL)]}, dynamic "
-            f"ones {missing[DYNAMIC]}{'; ' if risky else ''}{', '.join(risky)}. Path inertia sees "
-            "the AUVs only through their weighted centroid: weights move the centre of the same "
-            "orbit, and the more for one AUV, the nearer to it, where small errors mirror it."
+            f"{gained}. A mission is lost where the worst AUV errs by more than {LOST:g} m: "
+            f"{risked}. Path inertia sees the AUVs only through their weighted centroid: weights "
+            "move the centre of the same orbit."
         ),
     )
 
