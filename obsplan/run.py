@@ -24,7 +24,6 @@ from obsplan.vehicles import STATES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
 __all__ = ["AidTrack", "Run", "Timing"]
 
 Progress = Callable[[float, int], None]  # done, in all
@@ -58,7 +57,7 @@ class Run(Record):
         return f"<Run of {self.scenario.table.name}: {', '.join(parts)}>"
 
     def _repr_html_(self) -> str:
-        """Each AUV's figures of merit as a table, for notebooks."""
+        """Each AUV's figures of merit as a table, for notebooks; `animate` plays the mission."""
         from obsplan.report import run_html
 
         return run_html(self)
@@ -337,6 +336,16 @@ class Run(Record):
                 figures["bound_rms_m"] = bound
                 figures["efficiency"] = bound / achieved if achieved > 0 else 1.0
         return figures
+
+    def animate(self) -> Any:
+        """Play the mission back in a notebook: the page that is ``report.html`` in its folder.
+
+        It is some megabytes in the notebook; nothing is fetched from a network. What is returned
+        is shown where it is a cell's last value, and its ``save(path)`` writes it into a file.
+        """
+        from obsplan.report import played
+
+        return played(self)
 
     def plot(self) -> "Figure":
         """Draw the map: surveys, true tracks, estimates with 95 % ellipses, aid vehicle's path.

@@ -36,7 +36,9 @@ def chromium():
 def opened(browser, path):
     """Open a page from disk and wait until it says that it is ready."""
     browser.get(path.resolve().as_uri())
-    wait(browser, "return document.documentElement.dataset.ready === 'yes'")
+    wait(browser, "return document.documentElement.dataset.ready")
+    ready = browser.execute_script("return document.documentElement.dataset.ready")
+    assert ready == "yes", complaints(browser)
 
 
 def wait(browser, script):
@@ -61,4 +63,6 @@ def requests(browser):
 
 def complaints(browser):
     """What the console had to say that is worse than information."""
-    return [entry for entry in browser.get_log("browser") if entry["level"] in ("WARNING", "SEVERE")]
+    return [
+        entry for entry in browser.get_log("browser") if entry["level"] in ("WARNING", "SEVERE")
+    ]

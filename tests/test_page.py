@@ -11,7 +11,6 @@ from oracles import scenario
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
-from obsplan.report import write_run
 from obsplan.report.page.run import run_page
 from obsplan.simulation import simulate
 
@@ -49,13 +48,15 @@ def press(page, *keys):
     ActionChains(page).send_keys(*keys).perform()
 
 
+PAUSED = """
+if (player.state.t <= 5) return null;
+if (player.state.playing) document.getElementById("play").click();
+return [player.state.t, player.panels.map((one) => one.cursor.location)];
+"""  # at once: on a loaded machine the mission is over before a click arrives
+
+
 def at(page):
     return page.execute_script("return player.state.t")
-
-
-def cursors(page):
-    """Where each panel's cursor is [s]: these missions are told in seconds."""
-    return page.execute_script("return player.panels.map((one) => one.cursor.location)")
 
 
 def shown(page, source):
@@ -77,11 +78,10 @@ def test_play_moves_vehicles_and_every_cursor_to_the_same_time(page, run):
     seek(page, 0.0)
     before = shown(page, "vehicles")
     page.find_element("id", "play").click()
-    wait(page, "return player.state.t > 5")
-    page.find_element("id", "play").click()
-    t, after = at(page), shown(page, "vehicles")
+    t, cursors = wait(page, PAUSED)  # told in seconds, as so short a mission is
+    after = shown(page, "vehicles")
     assert after["x"] != before["x"]
-    np.testing.assert_allclose(cursors(page), t, rtol=1e-12)
+    np.testing.assert_allclose(cursors, t, rtol=1e-12)
     k = np.searchsorted(run.time, t + 1e-4) - 1
     places = [*run.truth[:, k, :2], run.cna[k, :2]]
     np.testing.assert_allclose(np.transpose([after["x"], after["y"]]), places, atol=1e-4)
@@ -137,7 +137,9 @@ def test_values_are_told_in_words(page, run):
 
 def test_pointer_tells_latitude_and_longitude(page):
     places = np.array([[0.0, 0.0], [1500.0, -3000.0], [-20_000.0, 15_000.0]])
-    found = [page.execute_script("return player.geographic(...arguments)", *p) for p in places.tolist()]
+    found = [
+        page.execute_script("return player.geographic(...arguments)", *p) for p in places.tolist()
+    ]
     up = (places**2).sum(axis=1) / (2 * 6.371e6)
     lat, lon, _ = pymap3d.enu2geodetic(places[:, 0], places[:, 1], -up, 47.6, -122.3, 0.0)
     np.testing.assert_allclose(found, np.transpose([lat, lon]), atol=2e-6)  # 0.2 m
@@ -145,7 +147,7 @@ def test_pointer_tells_latitude_and_longitude(page):
 
 def test_hostile_names_are_shown_and_do_nothing(page, run):
     assert page.execute_script("return window.hurt") is None
-    assert page.execute_script("return document.title").startswith("Scenario")
+    assert page.execute_script("return document.title").startswith("Scenario, planner")
     options = [one.text for one in page.find_elements("css selector", "#auv option")]
     assert [re.sub(r"\s+", " ", name) for name in options] == [
         re.sub(r"\s+", " ", name) for name in run.names
@@ -170,8 +172,6 @@ def test_nothing_is_claimed_of_errors_without_the_truth(run, page, tmp_path):
         page.switch_to.window(own)
 
 
-def test_same_run_gives_the_same_bytes_in_its_folder(run, tmp_path):
-    for name in ("one", "other"):
-        write_run(run, tmp_path / name, exports=())
-    one, other = ((tmp_path / name / "report.html").read_bytes() for name in ("one", "other"))
-    assert one == other
+def test_same_run_gives_the_same_page(run):
+    again = simulate(run.scenario, seed=2)
+    assert run_page(run) == run_page(again)

@@ -29,6 +29,7 @@ FILES = [
     "nis.png",
     *(f"path.{name}" for name in ("bhv", "csv", "geojson", "gpx", "kml", "plan", "waypoints")),
     "ranges.csv",
+    "report.html",
     "scenario.toml",
     "summary.json",
     "timing.json",

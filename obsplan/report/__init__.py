@@ -20,6 +20,7 @@ _HOME = {
     "map_figure": "map",
     "path_names": "path_files",
     "planner_notes": "verdict",
+    "played": "page.notebook",
     "run_html": "tables",
     "run_notes": "notes",
     "run_table": "tables",

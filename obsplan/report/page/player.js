@@ -123,12 +123,13 @@
   function draw_fixed(map) {
     const { figure, scene } = map;
     for (const area of scene.areas) {
+      const outline = source({ x: area.x, y: area.y });
       if (area.keep_out) {
-        const look = { source: source(area), fill_alpha: 0.08, line_width: 1, hatch_pattern: "/", hatch_alpha: 0.35, hatch_scale: 9 };
+        const look = { source: outline, fill_alpha: 0.08, line_width: 1, hatch_pattern: "/", hatch_alpha: 0.35, hatch_scale: 9 };
         const drawn = coloured(figure.patch(f("x"), f("y"), look), "limit", true);
         follow_theme(() => { drawn.glyph.hatch_color = paint("limit"); });
       } else {
-        coloured(figure.line(f("x"), f("y"), { source: source(area), line_width: 1.5, line_dash: "dashdot" }), "limit");
+        coloured(figure.line(f("x"), f("y"), { source: outline, line_width: 1.5, line_dash: "dashdot" }), "limit");
       }
     }
     for (const plan of scene.plans) {
@@ -609,5 +610,9 @@
     document.documentElement.dataset.ready = "yes";
   }
 
-  begin();
+  begin().catch((error) => {
+    document.documentElement.dataset.ready = "no";
+    $("about").textContent = `This page cannot be drawn in this browser (${error.message}); map.png and errors.png show the mission.`;
+    throw error;
+  });
 })();
