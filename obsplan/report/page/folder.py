@@ -2,6 +2,7 @@
 
 import csv
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -92,7 +93,6 @@ def _run(scenario: Scenario, folder: Path, about: dict[str, Any], values: Values
         speed=first.speed,
         score=first.score,
         status=first.status,
-        others=tuple(others),
         truth=_states(values, "auv", [*scenario.truth_states]) if "auv_x" in values else None,
         mean=_states(values, "est", [*scenario.filter_states]),
         covariance=_covariance(values, [*scenario.filter_states]),
@@ -101,6 +101,10 @@ def _run(scenario: Scenario, folder: Path, about: dict[str, Any], values: Values
         reports=np.zeros((auvs, samples), dtype=bool),
         condition=values.get("condition", nothing),
         timing=Timing(seconds=np.nan, decision_seconds=[]),
+    )
+    run = replace(
+        run,
+        others=tuple(others),
         bounded=False,
         began=_began(about["time_units"]),
         log=_ranged(folder / RANGES, scenario),

@@ -29,12 +29,14 @@ def scene_of(run: Run, label: str, *, runs: int = 1) -> dict[str, Any]:
     side = float((high - low).max())
     most = min(MOST_FRAMES, MOST_STATES // (len(run.names) * runs))
     frames = chosen_frames(run.time.size, max(most, 2))
-    return {
+    played = {
         "label": label,
         "time": packed(run.time[frames]),
         "thinned": run.time.size // frames.size if frames.size < run.time.size else 0,
         "low": low.tolist(),
         "high": high.tolist(),
+    }
+    return played | {
         "auvs": [_auv(run, i, frames, side) for i in range(len(run.names))],
         "aids": [_aid(run, k, frames, side) for k in range(len(aid_tracks(run)))],
         "plans": [track(plan, side) for plan in plans(run)],
