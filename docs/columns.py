@@ -29,7 +29,7 @@ CNA = {
     "speed_mps": "speed [m/s]; of a leg in the row where it ends",
 }
 AUV = {
-    "auv": "name of the AUV; in `campaign.csv` the figures of each AUV, as JSON",
+    "auv": "name of the AUV",
     "auv_x_m": "where the AUV truly is, east [m]",
     "auv_y_m": "where the AUV truly is, north [m]",
     "auv_heading_rad": "its true heading [rad], counter-clockwise from east",
@@ -78,3 +78,4 @@ FIGURES = {
     "violation_max_m": "by how much a limit was broken at most [m]; empty without limits",
 }
 MEANINGS = CNA | AUV | MEASURED | FIGURES
+ELSEWHERE = {("campaign", "auv"): "the figures of each AUV, as JSON"}  # by table and column

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
 from typing import Any
 
-from columns import MEANINGS, TABLES
+from columns import ELSEWHERE, MEANINGS, TABLES
 from sphinx.application import Sphinx
 
 from obsplan.fates import Fate
@@ -58,8 +58,9 @@ def scenario_keys() -> Iterator[str]:
 
 def csv_columns(name: str) -> Iterator[str]:
     """The columns of a table that is written, each with its meaning."""
-    rows = [(column, MEANINGS[column]) for column in TABLES[name]]
-    yield from table(("column", "meaning"), rows, code=(0,))
+    said = {column: MEANINGS[column] for column in TABLES[name]}
+    said |= {column: text for (table_name, column), text in ELSEWHERE.items() if table_name == name}
+    yield from table(("column", "meaning"), [*said.items()], code=(0,))
 
 
 def fates() -> Iterator[str]:
