@@ -192,8 +192,8 @@ def first_part(rows: "pd.DataFrame", given: argparse.Namespace) -> list[str]:
     return [
         "## The first table again, as it was flown",
         f"Seeds {FIRST_SEED} to {FIRST_RUNS}, the same for all rows; in the three tanks planners "
-        "know the truth. Planners and filters are those of today; of the others the two flew that are "
-        "nearest on the whole.",
+        "know the truth. Planners and filters are those of today; of the others the two flew that "
+        "are nearest on the whole.",
         *bullets(summary(rows, DEFAULT)),
     ]
 
