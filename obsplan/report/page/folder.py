@@ -75,17 +75,16 @@ def _run(scenario: Scenario, folder: Path, about: dict[str, Any], values: Values
     nothing = np.full((auvs, samples), np.nan)
     if auvs != len(scenario.table.auv) or samples != scenario.time.size:
         raise ValueError(f"{auvs} AUVs and {samples} samples are not the scenario's")
-    aids = [
-        _aid(values, name.replace("-", "_"), samples, first=k == 0)
-        for k, name in enumerate(_aid_keys(len(scenario.aids)))
-    ]
-    first, *others = aids
+    first, *others = _aids(values, scenario, samples)
     names = [f"range_{b + 1}" if b else "range" for b in range(len(scenario.beacons))]
+    ranges = np.stack([values[name] for name in names])
+    label = str(about["condition_label"])
+    truth = _states(values, "auv", [*scenario.truth_states]) if "auv_x" in values else None
     run = Run(
         scenario=scenario,
         source=str(about["source"]),
         planner=str(about["planner"]),
-        condition_label="" if about["condition_label"] == "none" else str(about["condition_label"]),
+        condition_label="" if label == "none" else label,
         seed=int(about["seed"]),
         time=time,
         cna=first.pose,
@@ -93,10 +92,10 @@ def _run(scenario: Scenario, folder: Path, about: dict[str, Any], values: Values
         speed=first.speed,
         score=first.score,
         status=first.status,
-        truth=_states(values, "auv", [*scenario.truth_states]) if "auv_x" in values else None,
+        truth=truth,
         mean=_states(values, "est", [*scenario.filter_states]),
         covariance=_covariance(values, [*scenario.filter_states]),
-        ranges=np.stack([values[name] for name in names]),
+        ranges=ranges,
         bearings=np.empty((0, auvs, samples)),
         reports=np.zeros((auvs, samples), dtype=bool),
         condition=values.get("condition", nothing),
@@ -114,6 +113,11 @@ def _run(scenario: Scenario, folder: Path, about: dict[str, Any], values: Values
     if "pcrb" in values:  # as it was found then: of a recording it depends on more than is here
         vars(run)["cramer_rao_variance"] = values["pcrb"] ** 2
     return run
+
+
+def _aids(values: Values, scenario: Scenario, samples: int) -> list[AidTrack]:
+    keys = [name.replace("-", "_") for name in _aid_keys(len(scenario.aids))]
+    return [_aid(values, key, samples, first=k == 0) for k, key in enumerate(keys)]
 
 
 def _aid_keys(aids: int) -> Sequence[str]:
