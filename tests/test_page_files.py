@@ -62,6 +62,48 @@ def test_page_of_a_folder_plays_what_that_of_the_run_plays(run, folder):
     assert numbers(pings["columns"]["t"]).size == 2 * 10  # two AUVs, every 2 s of 20 s, lost or not
 
 
+def coast(path, geometries):
+    """A chart, by hand."""
+    features = [{"type": "Feature", "properties": {}, "geometry": one} for one in geometries]
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    return path
+
+
+def test_chart_is_drawn_where_it_is_near_and_cut_where_it_is_not(tmp_path):
+    equator = simulate(scenario(origin={"lat": 0.0, "lon": 1.0}, duration=4.0), seed=4)
+    folder = tmp_path / "run"
+    write_run(equator, folder, exports=())
+    north = [[1.0, -1.0], [1.0, 1.0]]  # straight through the origin
+    elsewhere = [[[[50.0, 50.0], [51.0, 50.0], [51.0, 51.0], [50.0, 50.0]]]]
+    given = [
+        {"type": "LineString", "coordinates": [[1.0, k / 1000] for k in range(-400, 401)]},
+        {"type": "MultiPolygon", "coordinates": elsewhere},
+        {"type": "Point", "coordinates": [1.0, 0.0]},
+    ]
+    data = data_of(page_of(folder, coast(tmp_path / "coast.geojson", given)))
+    (drawn,) = data["chart"]
+    x, y = numbers(drawn["x"]), numbers(drawn["y"])
+    np.testing.assert_allclose(x, 0.0, atol=1e-3)
+    assert y.min() < data["scenes"][0]["low"][1] < data["scenes"][0]["high"][1] < y.max()
+    assert np.ptp(y) < 8 * np.ptp([*data["scenes"][0]["low"], *data["scenes"][0]["high"]])
+    assert any("coast.geojson" in note for note in data["notes"])
+    far = coast(tmp_path / "far.geojson", [{"type": "LineString", "coordinates": north}])
+    data = data_of(page_of(folder, far))  # its only vertices are 111 km away
+    assert data["chart"] == []
+    assert any("Nothing of far.geojson" in note for note in data["notes"])
+
+
+def test_chart_without_a_place_on_earth_or_of_a_campaign_is_refused(tmp_path):
+    there = coast(tmp_path / "coast.geojson", [])
+    nowhere = simulate(scenario(origin={"lat": 0.0, "lon": 0.0}, duration=2.0), seed=4)
+    write_run(nowhere, tmp_path / "run", exports=())
+    with pytest.raises(ObsplanError, match="no origin"):
+        page_of(tmp_path / "run", there)
+    (tmp_path / "campaign.sqlite").touch()
+    with pytest.raises(ObsplanError, match="leave --chart out"):
+        written(tmp_path, there)
+
+
 def test_no_text_ends_the_element_that_holds_the_data():
     text = "</script><script>alert(1)</script><!--&\u2028"
     assert not set("<>&\u2028") & set(as_script({"name": text}))

@@ -31,44 +31,58 @@ def report(
             help="Fly this mission of a campaign again, into a folder of its own.",
         ),
     ] = None,
+    chart: Annotated[
+        Path | None,
+        typer.Option("--chart", help="Lines for the map, a coast say: FILE.geojson."),
+    ] = None,
     opened: Annotated[bool, typer.Option("--open", help="Open what is made in a browser.")] = False,
 ) -> None:
     """Make report.html, to open in a browser, of runs and campaigns already there."""
     if mission is not None:
         made = [flown_again(folders, mission)]
     elif out is not None:
-        made = [side_by_side(folders, out)]
+        made = [side_by_side(folders, out, chart)]
     else:
-        made = [written(folder) for folder in folders]
+        made = [written(folder, chart) for folder in folders]
     for path in made if opened else ():
         if not webbrowser.open(path.resolve().as_uri()):
             say(f"No browser can be started here: open {path} in one.")
 
 
-def written(folder: Path) -> Path:
-    """Write the page of a run or a campaign into its folder."""
+def written(folder: Path, chart: Path | None = None) -> Path:
+    """Write the page of a run or a campaign into its folder.
+
+    Raises
+    ------
+    ObsplanError
+        A campaign is given a chart, or see `page_of`.
+    """
     from obsplan.campaign.faults import FILE
     from obsplan.files import write_atomically
     from obsplan.report.files import REPORT
     from obsplan.report.page.missions import campaign_page
+    from obsplan.types import ObsplanError
 
     made = folder / REPORT
     if (folder / FILE).is_file():
+        if chart is not None:
+            raise ObsplanError(f"{folder} is a campaign, whose page has no map: leave --chart out")
         write_atomically(made, campaign_page(folder))
     else:
-        write_atomically(made, page_of(folder))
+        write_atomically(made, page_of(folder, chart))
     say_written(folder, REPORT)
     return made
 
 
-def page_of(folder: Path) -> str:
+def page_of(folder: Path, chart: Path | None = None) -> str:
     """The page of a run from its folder.
 
     Raises
     ------
     ObsplanError
-        It is not the folder of a run.
+        It is not the folder of a run, or the chart cannot be drawn.
     """
+    from obsplan.report.page.chart import NO_CHART, chart_of
     from obsplan.report.page.folder import read_run
     from obsplan.report.page.run import run_page
     from obsplan.types import ObsplanError
@@ -79,7 +93,7 @@ def page_of(folder: Path) -> str:
             "whose folder then has a report.html"
         )
     run = read_run(folder)
-    return run_page(run, notes_of(run))
+    return run_page(run, notes_of(run), NO_CHART if chart is None else chart_of(chart, run))
 
 
 def notes_of(run: "Run") -> list[str]:
@@ -93,15 +107,16 @@ def notes_of(run: "Run") -> list[str]:
     return [note for note in (*said, *planner_notes(run)) if note != NO_BOUND]
 
 
-def side_by_side(folders: Sequence[Path], out: Path) -> Path:
+def side_by_side(folders: Sequence[Path], out: Path, chart: Path | None = None) -> Path:
     """Write one page of several runs.
 
     Raises
     ------
     ObsplanError
-        The file's name does not end in .html, or it exists.
+        The file's name does not end in .html, it exists, or the chart cannot be drawn.
     """
     from obsplan.files import write_atomically
+    from obsplan.report.page.chart import NO_CHART, chart_of
     from obsplan.report.page.comparison import comparison_page, side_of
     from obsplan.report.page.folder import read_run
     from obsplan.types import ObsplanError
@@ -110,8 +125,9 @@ def side_by_side(folders: Sequence[Path], out: Path) -> Path:
         raise ObsplanError(f"--out {out}: a page ends in .html; write {out}.html")
     if out.exists():
         raise ObsplanError(f"{out} exists and is not overwritten; give another name with --out")
+    drawn = NO_CHART if chart is None else chart_of(chart, read_run(folders[0]))
     sides = [side_of(read_run(folder), str(folder), runs=len(folders)) for folder in folders]
-    write_atomically(out, comparison_page(sides, "Runs side by side"))
+    write_atomically(out, comparison_page(sides, "Runs side by side", chart=drawn))
     say(f"Written to {out}.")
     return out
 

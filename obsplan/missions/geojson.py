@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from obsplan.missions.findings import Findings, Outline, Vertex, check_count, join_at_180, ring_area
 from obsplan.missions.mission import Area, Mission, check_latlon, check_number
@@ -46,16 +47,55 @@ def read_geojson(path: Path | str) -> Mission:
         Not GeoJSON, not WGS 84, or a coordinate that is not one; names the place.
     """
     path = Path(path)
+    found = Findings(path=path)
+    for feature, where in _features(_content(path), str(path)):
+        _read_feature(feature, where, found)
+    return found.mission()
+
+
+def read_lines(path: Path | str) -> list[Float[np.ndarray, "vertices 2"]]:
+    """Read every line and every ring of a GeoJSON file: a coast, say, or contours of depth.
+
+    Returns latitudes and longitudes [degrees, WGS 84] of each.
+
+    Raises
+    ------
+    ObsplanError
+        As `read_geojson`.
+    """
+    path = Path(path)
+    found = []
+    for feature, where in _features(_content(path), str(path)):
+        _check_object(feature, where)
+        for geometry, place in _geometries(feature.get("geometry"), where):
+            for line, at in _lines(geometry, place):
+                vertices = _items(line, "coordinates", at)
+                places = [_position(v, f"{at}.coordinates[{i}]")[:2] for i, v in vertices]
+                found.append(np.array(places).reshape(-1, 2))
+    return found
+
+
+def _content(path: Path) -> dict[str, Any]:
+    """What a file holds, if that is GeoJSON."""
     content = read_json(path)
     if content.get("type") not in _KINDS:
         hint = "rename it to .plan" if content.get("fileType") == "Plan" else "export it as GeoJSON"
         raise ObsplanError(
             f'{path} is not GeoJSON ("type" is {reprlib.repr(content.get("type"))}): {hint}'
         )
-    found = Findings(path=path)
-    for feature, where in _features(content, str(path)):
-        _read_feature(feature, where, found)
-    return found.mission()
+    return content
+
+
+def _lines(geometry: dict[str, Any], where: str) -> Iterator[tuple[dict[str, Any], str]]:
+    """The lines and rings of a geometry; points have none."""
+    match geometry["type"]:
+        case "LineString":
+            yield geometry, where
+        case "MultiLineString" | "Polygon":
+            yield from _parts(geometry, where)
+        case "MultiPolygon":
+            for polygon, place in _parts(geometry, where):
+                yield from _parts(polygon, place)
 
 
 def _features(node: Any, where: str) -> Iterator[tuple[dict[str, Any], str]]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from obsplan.report.page.chart import NO_CHART, Chart
 from obsplan.report.page.charts import Panel, Series, panel
 from obsplan.report.page.pack import line
 from obsplan.report.page.run import about_place, player, scene_notes
@@ -61,15 +62,19 @@ def _lines(run: Run, label: str) -> Iterator[tuple[str, Series]]:
         yield FARTHEST, drawn | line(time, run.separation.max(axis=0))
 
 
-def comparison_page(sides: Sequence[Side], title: str, notes: Sequence[str] = ()) -> str:
+def comparison_page(
+    sides: Sequence[Side], title: str, notes: Sequence[str] = (), chart: Chart = NO_CHART
+) -> str:
     """The page of several runs as HTML; ``notes`` are sentences on them."""
-    said = dict.fromkeys([*notes, same_noise(sides), *(n for side in sides for n in side.notes)])
+    of_sides = [note for side in sides for note in side.notes]
+    said = dict.fromkeys([*notes, same_noise(sides), *chart.notes, *of_sides])
     longest = max(sides, key=lambda side: side.place["unit"][1])
     data = {
         "title": title,
         "about": ", ".join(side.label for side in sides),
         "scenes": [side.scene for side in sides],
         "panels": [*_panels(sides)],
+        "chart": chart.lines,
         "notes": [*said],
         **longest.place,
     }

@@ -509,6 +509,12 @@
     look_at((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, state.scale);
   }
 
+  // Labels of axes change with what is seen, and with them the room that is left for the map.
+  function settle(times) {
+    if (times === 0) return;
+    requestAnimationFrame(() => requestAnimationFrame(() => { fit(); settle(times - 1); }));
+  }
+
   const middle = () => [(view.x.start + view.x.end) / 2, (view.y.start + view.y.end) / 2];
   const scale = () => (view.x.end - view.x.start) / frame_size()[0];
   const zoom = (factor) => look_at(...middle(), scale() * factor);
@@ -600,11 +606,11 @@
     listen();
     choose(0);
     fit();
-    let width = 0;
-    new ResizeObserver(() => {
-      const now = maps[0].target.clientWidth;
-      if (now !== width) requestAnimationFrame(() => requestAnimationFrame(fit));
-      width = now;
+    let size = "";
+    new ResizeObserver(([{ target }]) => {
+      const now = `${target.clientWidth} ${target.clientHeight}`;
+      if (now !== size) settle(2);
+      size = now;
     }).observe(maps[0].target);
     window.player = { state, seek, step, maps, panels, geographic, view };
     document.documentElement.dataset.ready = "yes";

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from obsplan.report.map import degrees, heading
+from obsplan.report.page.chart import NO_CHART, Chart
 from obsplan.report.page.charts import panels_of
 from obsplan.report.page.html import library, own, page
 from obsplan.report.page.scene import scene_of
@@ -16,7 +17,7 @@ NO_PLAN = (
 )
 
 
-def run_page(run: Run, notes: Sequence[str] = ()) -> str:
+def run_page(run: Run, notes: Sequence[str] = (), chart: Chart = NO_CHART) -> str:
     """The page of a run as HTML; ``notes`` are sentences on it."""
     (title, _), *more = heading(run)
     scene = scene_of(run, run.planner)
@@ -26,7 +27,8 @@ def run_page(run: Run, notes: Sequence[str] = ()) -> str:
         "groups": run.names,
         "scenes": [scene],
         "panels": panels_of(run),
-        "notes": [*notes, *scene_notes(run, scene)],
+        "chart": chart.lines,
+        "notes": [*notes, *chart.notes, *scene_notes(run, scene)],
         **about_place(run),
     }
     return player(title, data)

@@ -32,7 +32,7 @@ def scene_of(run: Run, label: str, *, runs: int = 1) -> dict[str, Any]:
     played = {
         "label": label,
         "time": packed(run.time[frames]),
-        "thinned": run.time.size // frames.size if frames.size < run.time.size else 0,
+        "thinned": -(-run.time.size // frames.size) if frames.size < run.time.size else 0,
         "low": low.tolist(),
         "high": high.tolist(),
     }
