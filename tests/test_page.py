@@ -102,6 +102,24 @@ def test_scrubbing_to_a_range_shows_that_range_and_a_lost_one_its_reason(page, r
     assert shown(page, "pings")["who"] == []
 
 
+TRUE_TO_SCALE = """
+const seen = player.maps[0].view.frame.bbox, { x, y } = player.view;
+const east = (x.end - x.start) / seen.width, north = (y.end - y.start) / seen.height;
+return Math.abs(east / north - 1) < 1e-6;
+"""
+SETTLED = "const done = arguments[0]; setTimeout(done, 500)"
+
+
+@pytest.mark.parametrize("size", [(1440, 1000), (400, 800)])
+def test_map_has_as_many_metres_a_pixel_east_as_north(page, size):
+    before = page.get_window_size()
+    page.set_window_size(*size)
+    page.execute_async_script(SETTLED)
+    wait(page, TRUE_TO_SCALE)
+    page.set_window_size(before["width"], before["height"])
+    page.execute_async_script(SETTLED)
+
+
 def test_keys_step_seek_play_and_go_from_range_to_range(page, run):
     press(page, Keys.HOME)
     press(page, Keys.ARROW_RIGHT, Keys.ARROW_RIGHT)
