@@ -120,11 +120,11 @@ def test_room_is_three_standard_deviations_of_the_worst_direction():
 
 
 def test_separation_is_kept_farther_from_an_auv_that_is_not_sure_of_its_place():
-    near = op.Belief.at(13.2, 0.0, covariance=np.eye(4) * 0.01)
+    near = op.Belief.at(13.2, -2.0, covariance=np.eye(4) * 0.01)
     assert kept(wanted(), HERE, [near], min_separation=5.0).status == Status.OPTIMAL
     unsure = replace(
         near, covariance=np.eye(4) * 1.5**2
-    )  # 4 m straight on, 9.2 m are left of 5 + 4.5; turning, 9.7 m
+    )  # 4 m straight on, 9.4 m are left of 5 + 4.5; on the left circle 9.9 m
     assert kept(wanted(), HERE, [unsure], min_separation=5.0).status == Status.LIMITED
 
 

@@ -61,7 +61,9 @@ def _draw_errors(axes: Axes, name: str, data: "xr.Dataset", variable: str, colum
     axes.set_ylim(len(POLICIES) - 0.4, -0.5)
 
 
-def _draw_spread(axes: Axes, values: np.ndarray, y: float, paint: str, tall: float) -> None:
+def _draw_spread(
+    axes: Axes, values: np.ndarray, y: int | float, paint: str, tall: int | float
+) -> None:
     """Median and quartiles."""
     first, median, third = np.quantile(values, [0.25, 0.5, 0.75])
     axes.plot([first, third], [y, y], color=paint, lw=1.5)

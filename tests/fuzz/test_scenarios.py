@@ -58,7 +58,7 @@ def test_mutated_scenarios_load_or_are_refused_by_key_value_and_remedy(file):
 @pytest.mark.slow
 def test_extreme_scenarios_that_load_are_flown_to_their_words(file):
     outcomes: Counter[str] = Counter()
-    for data in extremes(SEED, share(150)):
+    for data in extremes(SEED, share(100)):
         file.write_text(toml_file(data), encoding="utf-8")
         outcomes[outcome(lambda: flown(op.load(file)), fault_of_form)] += 1
     known = {"refused", "flown", "too long to fly", "not computable"}
