@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from obsplan.report.style import AID, FAINT
 from obsplan.scenario import Scenario
 from obsplan.thesis import claims
-from obsplan.thesis.drawing import draw_over_time, draw_tracks, guide, panels
+from obsplan.thesis.drawing import draw_over_time, draw_tracks, guide, log_ticks, panels
 from obsplan.thesis.flights import fly, random_starts, scenario
 from obsplan.thesis.item import Finding, Item
 
@@ -69,7 +69,7 @@ def draw_static(data: "xr.Dataset") -> Figure:
     )
     axes[1].set(xlabel="Time [s]", ylabel="Distance to the centroid [m]")
     draw_over_time(axes[2], data, "condition", "Predicted condition number κ(J) [-]")
-    axes[2].set_yscale("log")
+    log_ticks(axes[2], "y")
     return figure
 
 

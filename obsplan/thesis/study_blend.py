@@ -90,7 +90,7 @@ def draw(data: "xr.Dataset") -> Figure:
         "(left of it the condition number alone, right the index)",
         ylabel="RMS error [m]",
     )
-    axes[0].legend(fontsize=7, loc="upper right")
+    axes[0].legend(fontsize=7, loc="lower left", bbox_to_anchor=(0.0, 1.0))
     log_ticks(axes[0], "y")
     alone = data.sel(metric=list(METRICS))
     draw_options(axes[1], alone, "metric", "rms_error", "RMS error [m]")
@@ -110,7 +110,8 @@ def _draw_curve(axes: Axes, data: "xr.Dataset", paint: str) -> None:
         first, median, third = np.quantile(data.rms_error.sel(metric=metric), QUARTILES)
         axes.vlines(at, first, third, color=paint, lw=3.0, alpha=0.3)
         axes.plot(at, median, "_", ms=12, mew=2.0, color=paint)
-    axes.set_xscale("log")
+    log_ticks(axes, "x")
+    axes.set_xticks(WEIGHTS, [f"{weight:g}" for weight in WEIGHTS])
     for end in (WEIGHTS[0] / 2, WEIGHTS[-1] * 2):
         axes.axvline(end, color=FAINT, lw=0.6)
 

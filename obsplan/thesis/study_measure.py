@@ -38,6 +38,7 @@ PLANNERS = {  # and their settings
     "Gramian, condition number": ("gramian",),
     "Gramian, unobservability index": ("gramian", 'planner.metric="unobservability-index"'),
     DEFAULT: ("information",),
+    "default planner, its filter": ("information", "estimator.hypotheses=24"),
 }
 INTERVALS = ("planner.interval=1.0", "ranging.interval=1.0")  # [s]
 
@@ -152,8 +153,10 @@ def found(data: "xr.Dataset") -> Finding:
         agrees=None,
         sentence=(
             "RMS errors, median [quartiles], and ratios to the default planner's seed by seed. "
-            f"{'. '.join(parts)}. A learned policy, the thesis's [18], is not compared: it would "
-            "be trained on one fleet and noise; one of your own flies as any other planner."
+            f"{'. '.join(parts)}. The surveys' filter follows one position, as the thesis's does; "
+            "the last planner's is obsplan's default, which follows several while ranges leave "
+            "them. A learned policy, the thesis's [18], is not compared: it would be trained on "
+            "one fleet and noise; one of your own flies as any other planner."
         ),
     )
 
