@@ -70,7 +70,18 @@ def digest(notebook):
 
 def shown(notebook):
     """What each cell shows: the kinds of its outputs, and its words; numbers may differ in their last digits, times by more."""
-    return [[kind_and_words(output) for output in cell.outputs] for cell in code_cells(notebook)]
+    return [joined(map(kind_and_words, cell.outputs)) for cell in code_cells(notebook)]
+
+
+def joined(outputs):
+    """Outputs, of which printed ones that follow each other are one: where they are cut hangs on time."""
+    found = []
+    for kinds, words in outputs:
+        if kinds == ["stdout"] and found and found[-1][0] == kinds:
+            found[-1][1].extend(words)
+        else:
+            found.append((kinds, words))
+    return found
 
 
 def kind_and_words(output):
