@@ -14,7 +14,7 @@ import typer.testing
 
 import formulations
 import obsplan as op
-from obsplan.cli import app, documentation
+from obsplan.cli import app, documentation, reports
 from obsplan.planners import PLANNERS
 
 RECORDINGS = Path(op.__file__).parent / "recordings"
@@ -123,7 +123,7 @@ def test_tutorial_runs_and_prints_what_it_shows(tmp_path):
 def test_what_a_page_has_its_reader_type_runs(page, tmp_path):
     if page == "docs/replay.md":
         shutil.copytree(RECORDINGS / "goats16", tmp_path / "cruise")
-    follow(page, tmp_path)
+    assert follow(page, tmp_path)
 
 
 def test_steps_of_readme_are_those_that_are_printed():
@@ -202,7 +202,7 @@ def test_site_needs_no_network(site):
 
 def test_docs_opens_the_site_where_it_is_built_and_else_says_how(tmp_path, monkeypatch):
     opened = []
-    monkeypatch.setattr(documentation.webbrowser, "open", opened.append)
+    monkeypatch.setattr(reports.webbrowser, "open", lambda address: opened.append(address) or True)
     monkeypatch.setattr(documentation, "SITE", tmp_path / "index.html")
     failed = typer.testing.CliRunner().invoke(app, ["docs"])
     assert isinstance(failed.exception, op.ObsplanError)  # which `main` makes exit code 2

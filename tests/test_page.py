@@ -115,7 +115,7 @@ def test_map_has_as_many_metres_a_pixel_east_as_north(page, size):
     before = page.get_window_size()
     page.set_window_size(*size)
     page.execute_async_script(SETTLED)
-    wait(page, TRUE_TO_SCALE)
+    assert wait(page, TRUE_TO_SCALE)
     page.set_window_size(before["width"], before["height"])
     page.execute_async_script(SETTLED)
 

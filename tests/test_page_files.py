@@ -9,7 +9,7 @@ import pytest
 from oracles import scenario
 
 import obsplan as op
-from obsplan.cli.reports import page_of, side_by_side, written
+from obsplan.cli.reports import page_of, report, side_by_side, written
 from obsplan.report import write_run
 from obsplan.report.page.folder import read_run
 from obsplan.report.page.missions import campaign_page, scenario_of
@@ -102,6 +102,12 @@ def test_chart_without_a_place_on_earth_or_of_a_campaign_is_refused(tmp_path):
     (tmp_path / "campaign.sqlite").touch()
     with pytest.raises(ObsplanError, match="leave --chart out"):
         written(tmp_path, there)
+
+
+def test_a_mission_flown_again_takes_no_chart_and_no_file_for_its_page(folder, tmp_path):
+    for beside in ({"chart": tmp_path / "c.geojson"}, {"out": tmp_path / "page.html"}):
+        with pytest.raises(ObsplanError, match="leave --out and --chart out"):
+            report([folder], mission="1/4", **beside)
 
 
 def test_no_text_ends_the_element_that_holds_the_data():

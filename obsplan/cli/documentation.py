@@ -1,8 +1,8 @@
 """The command that opens the documentation."""
 
-import webbrowser
 from pathlib import Path
 
+from obsplan.cli.reports import open_in_browser
 from obsplan.cli.terminal import say
 
 SITE = Path(__file__).parents[1] / "site" / "html" / "index.html"
@@ -20,4 +20,4 @@ def docs() -> None:
     if not SITE.is_file():
         raise ObsplanError(MISSING)
     say(f"The documentation is {SITE}.")
-    webbrowser.open(SITE.as_uri())
+    open_in_browser(SITE)

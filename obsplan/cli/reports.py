@@ -38,6 +38,13 @@ def report(
     opened: Annotated[bool, typer.Option("--open", help="Open what is made in a browser.")] = False,
 ) -> None:
     """Make report.html, to open in a browser, of runs and campaigns already there."""
+    from obsplan.types import ObsplanError
+
+    if mission is not None and (out is not None or chart is not None):
+        raise ObsplanError(
+            "--mission writes all files of a run into a folder of its own: leave --out and --chart "
+            "out, and give them with that folder afterwards"
+        )
     if mission is not None:
         made = [flown_again(folders, mission)]
     elif out is not None:
@@ -45,8 +52,13 @@ def report(
     else:
         made = [written(folder, chart) for folder in folders]
     for path in made if opened else ():
-        if not webbrowser.open(path.resolve().as_uri()):
-            say(f"No browser can be started here: open {path} in one.")
+        open_in_browser(path)
+
+
+def open_in_browser(path: Path) -> None:
+    """Show a page, or say that it cannot be shown from here."""
+    if not webbrowser.open(path.resolve().as_uri()):
+        say(f"No browser can be started here: open {path} in one.")
 
 
 def written(folder: Path, chart: Path | None = None) -> Path:

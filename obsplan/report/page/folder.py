@@ -101,9 +101,15 @@ def _run(scenario: Scenario, folder: Path, about: dict[str, Any], values: Values
         condition=values.get("condition", nothing),
         timing=Timing(seconds=np.nan, decision_seconds=[]),
     )
+    return _with_findings(replace(run, others=tuple(others)), scenario, folder, about, values)
+
+
+def _with_findings(
+    run: Run, scenario: Scenario, folder: Path, about: dict[str, Any], values: Values
+) -> Run:
+    """The run with what was found of it when it was written."""
     run = replace(
         run,
-        others=tuple(others),
         bounded=False,
         began=_began(about["time_units"]),
         log=_ranged(folder / RANGES, scenario),
