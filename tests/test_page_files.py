@@ -80,7 +80,7 @@ def test_chart_is_drawn_where_it_is_near_and_cut_where_it_is_not(tmp_path):
         {"type": "MultiPolygon", "coordinates": elsewhere},
         {"type": "Point", "coordinates": [1.0, 0.0]},
     ]
-    data = data_of(page_of(folder, coast(tmp_path / "coast.geojson", given)))
+    data = data_of(page_of(folder, [coast(tmp_path / "coast.geojson", given)]))
     (drawn,) = data["chart"]
     x, y = numbers(drawn["x"]), numbers(drawn["y"])
     np.testing.assert_allclose(x, 0.0, atol=1e-3)
@@ -88,7 +88,7 @@ def test_chart_is_drawn_where_it_is_near_and_cut_where_it_is_not(tmp_path):
     assert np.ptp(y) < 8 * np.ptp([*data["scenes"][0]["low"], *data["scenes"][0]["high"]])
     assert any("coast.geojson" in note for note in data["notes"])
     far = coast(tmp_path / "far.geojson", [{"type": "LineString", "coordinates": north}])
-    data = data_of(page_of(folder, far))  # its only vertices are 111 km away
+    data = data_of(page_of(folder, [far]))  # its only vertices are 111 km away
     assert data["chart"] == []
     assert any("Nothing of far.geojson" in note for note in data["notes"])
 
@@ -98,14 +98,14 @@ def test_chart_without_a_place_on_earth_or_of_a_campaign_is_refused(tmp_path):
     nowhere = simulate(scenario(origin={"lat": 0.0, "lon": 0.0}, duration=2.0), seed=4)
     write_run(nowhere, tmp_path / "run", exports=())
     with pytest.raises(ObsplanError, match="no origin"):
-        page_of(tmp_path / "run", there)
+        page_of(tmp_path / "run", [there])
     (tmp_path / "campaign.sqlite").touch()
     with pytest.raises(ObsplanError, match="leave --chart out"):
-        written(tmp_path, there)
+        written(tmp_path, [there])
 
 
 def test_a_mission_flown_again_takes_no_chart_and_no_file_for_its_page(folder, tmp_path):
-    for beside in ({"chart": tmp_path / "c.geojson"}, {"out": tmp_path / "page.html"}):
+    for beside in ({"charts": [tmp_path / "c.geojson"]}, {"out": tmp_path / "page.html"}):
         with pytest.raises(ObsplanError, match="leave --out and --chart out"):
             report([folder], mission="1/4", **beside)
 

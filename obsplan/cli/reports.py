@@ -31,16 +31,20 @@ def report(
             help="Fly this mission of a campaign again, into a folder of its own.",
         ),
     ] = None,
-    chart: Annotated[
-        Path | None,
-        typer.Option("--chart", help="Lines for the map, a coast say: FILE.geojson."),
+    charts: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--chart",
+            metavar="FILE",
+            help="A chart under the map: GeoTIFF, MBTiles, lines of GeoJSON. Again for more.",
+        ),
     ] = None,
     opened: Annotated[bool, typer.Option("--open", help="Open what is made in a browser.")] = False,
 ) -> None:
     """Make report.html, to open in a browser, of runs and campaigns already there."""
     from obsplan.types import ObsplanError
 
-    if mission is not None and (out is not None or chart is not None):
+    if mission is not None and (out is not None or charts):
         raise ObsplanError(
             "--mission writes all files of a run into a folder of its own: leave --out and --chart "
             "out, and give them with that folder afterwards"
@@ -48,9 +52,9 @@ def report(
     if mission is not None:
         made = [flown_again(folders, mission)]
     elif out is not None:
-        made = [side_by_side(folders, out, chart)]
+        made = [side_by_side(folders, out, charts or ())]
     else:
-        made = [written(folder, chart) for folder in folders]
+        made = [written(folder, charts or ()) for folder in folders]
     for path in made if opened else ():
         open_in_browser(path)
 
@@ -61,7 +65,7 @@ def open_in_browser(path: Path) -> None:
         say(f"No browser can be started here: open {path} in one.")
 
 
-def written(folder: Path, chart: Path | None = None) -> Path:
+def written(folder: Path, charts: Sequence[Path] = ()) -> Path:
     """Write the page of a run or a campaign into its folder.
 
     Raises
@@ -77,24 +81,24 @@ def written(folder: Path, chart: Path | None = None) -> Path:
 
     made = folder / REPORT
     if (folder / FILE).is_file():
-        if chart is not None:
+        if charts:
             raise ObsplanError(f"{folder} is a campaign, whose page has no map: leave --chart out")
         write_atomically(made, campaign_page(folder))
     else:
-        write_atomically(made, page_of(folder, chart))
+        write_atomically(made, page_of(folder, charts))
     say_written(folder, REPORT)
     return made
 
 
-def page_of(folder: Path, chart: Path | None = None) -> str:
+def page_of(folder: Path, charts: Sequence[Path] = ()) -> str:
     """The page of a run from its folder.
 
     Raises
     ------
     ObsplanError
-        It is not the folder of a run, or the chart cannot be drawn.
+        It is not the folder of a run, or a chart cannot be drawn.
     """
-    from obsplan.report.page.chart import NO_CHART, chart_of
+    from obsplan.report.page.chart import chart_of, surroundings
     from obsplan.report.page.folder import read_run
     from obsplan.report.page.run import run_page
     from obsplan.types import ObsplanError
@@ -105,7 +109,7 @@ def page_of(folder: Path, chart: Path | None = None) -> str:
             "whose folder then has a report.html"
         )
     run = read_run(folder)
-    return run_page(run, notes_of(run), NO_CHART if chart is None else chart_of(chart, run))
+    return run_page(run, notes_of(run), chart_of(charts, [surroundings(run)]))
 
 
 def notes_of(run: "Run") -> list[str]:
@@ -119,16 +123,16 @@ def notes_of(run: "Run") -> list[str]:
     return [note for note in (*said, *planner_notes(run)) if note != NO_BOUND]
 
 
-def side_by_side(folders: Sequence[Path], out: Path, chart: Path | None = None) -> Path:
+def side_by_side(folders: Sequence[Path], out: Path, charts: Sequence[Path] = ()) -> Path:
     """Write one page of several runs.
 
     Raises
     ------
     ObsplanError
-        The file's name does not end in .html, it exists, or the chart cannot be drawn.
+        The file's name does not end in .html, it exists, or a chart cannot be drawn.
     """
     from obsplan.files import write_atomically
-    from obsplan.report.page.chart import NO_CHART, chart_of
+    from obsplan.report.page.chart import chart_of, surroundings
     from obsplan.report.page.comparison import comparison_page, side_of
     from obsplan.report.page.folder import read_run
     from obsplan.types import ObsplanError
@@ -137,8 +141,12 @@ def side_by_side(folders: Sequence[Path], out: Path, chart: Path | None = None) 
         raise ObsplanError(f"--out {out}: a page ends in .html; write {out}.html")
     if out.exists():
         raise ObsplanError(f"{out} exists and is not overwritten; give another name with --out")
-    drawn = NO_CHART if chart is None else chart_of(chart, read_run(folders[0]))
-    sides = [side_of(read_run(folder), str(folder), runs=len(folders)) for folder in folders]
+    sides, around = [], []
+    for folder in folders:  # one after the other: what is kept of a run is small
+        run = read_run(folder)
+        sides.append(side_of(run, str(folder), runs=len(folders)))
+        around.append(surroundings(run))
+    drawn = chart_of(charts, around)
     write_atomically(out, comparison_page(sides, "Runs side by side", chart=drawn))
     say(f"Written to {out}.")
     return out

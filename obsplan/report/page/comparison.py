@@ -75,6 +75,7 @@ def comparison_page(
         "scenes": [side.scene for side in sides],
         "panels": [*_panels(sides)],
         "chart": chart.lines,
+        "pictures": chart.pictures,
         "notes": [*said],
         **longest.place,
     }

@@ -9,6 +9,7 @@
   const SPEEDS = [1, 2, 5, 10, 20, 50, 100];
   const TRAIL = 300; // seconds of a track that are drawn strong
   const AHEAD = 30; // seconds for which the aid vehicle's present command is drawn on
+  const CHART = 0.5; // opacity of a chart's picture
   const state = { t: 0, playing: false, speed: 1, auv: 0 };
   const maps = [];
   const panels = [];
@@ -113,7 +114,13 @@
     return map;
   }
 
+  // Under everything else, and so faint that tracks are read on light and on dark.
   function draw_chart(figure) {
+    for (const { url, x, y, w, h } of data.pictures || []) {
+      const place = source({ url: [url], x: [x], y: [y], w: [w], h: [h] });
+      const look = { source: place, anchor: "bottom_left", global_alpha: CHART, level: "image" };
+      figure.image_url(f("url"), f("x"), f("y"), f("w"), f("h"), look);
+    }
     for (const line of data.chart || []) {
       const drawn = figure.line({ field: "x" }, { field: "y" }, { source: source(line), line_width: 1.5, line_alpha: 0.7 });
       coloured(drawn, "faint");
@@ -346,6 +353,19 @@
     };
     follow_theme(() => { svg.innerHTML = shapes[dash ? "dashed" : kind].replaceAll("C\"", `${paint(colour)}"`); });
     item.append(svg, name);
+  }
+
+  // The colours of a chart's numbers, from low to high.
+  function add_shades(list, { colours, text }) {
+    const item = element("li", null, list);
+    const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+    const width = 6;
+    svg.setAttribute("width", width * colours.length);
+    svg.setAttribute("height", 12);
+    svg.setAttribute("class", "swatch");
+    svg.setAttribute("aria-hidden", "true");
+    svg.innerHTML = colours.map((one, k) => `<rect x="${width * k}" width="${width}" height="12" opacity="${CHART}" fill="${one}"/>`).join("");
+    item.append(svg, text);
   }
 
   // ---- what is said --------------------------------------------------------------------------
@@ -586,6 +606,7 @@
     if (scene.aids.length) add_key(key, `course for ${AHEAD} s on its present command`, "level", "ink");
     if (scene.rings.length) add_key(key, scene.rings.map((ring) => `${ring.name} ${ring.radius} m`).join(", "), "level", "limit");
     if (scene.areas.length) add_key(key, "keep-outs, geofence", "line", "limit");
+    for (const picture of data.pictures || []) if (picture.key) add_shades(key, picture.key);
     add_key(key, "range that is lost or not taken", "line", "broken", true);
   }
 

@@ -28,6 +28,7 @@ def run_page(run: Run, notes: Sequence[str] = (), chart: Chart = NO_CHART) -> st
         "scenes": [scene],
         "panels": panels_of(run),
         "chart": chart.lines,
+        "pictures": chart.pictures,
         "notes": [*notes, *chart.notes, *scene_notes(run, scene)],
         **about_place(run),
     }
