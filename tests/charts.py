@@ -17,6 +17,13 @@ def frame(origin=SEATTLE, half=500.0):
     return Frame(origin, np.full(2, -half), np.full(2, half))
 
 
+def grid(west, north, step):
+    """Square pixels, the first at the north-west corner."""
+    from rasterio.transform import Affine
+
+    return Affine(step, 0.0, west, 0.0, -step, north)
+
+
 def geotiff(path, values, crs, transform, *, palette=None, units=None, **more):
     """Write bands (bands, rows, columns) as a GeoTIFF."""
     import rasterio

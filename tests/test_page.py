@@ -1,5 +1,6 @@
 """report.html in a real browser, without a network: one mission with hostile names, played back."""
 
+import io
 import re
 from dataclasses import replace
 
@@ -7,10 +8,13 @@ import numpy as np
 import pymap3d
 import pytest
 from browser import chromium, complaints, opened, requests, wait
+from charts import geotiff, grid
 from oracles import scenario
+from PIL import Image
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
+from obsplan.report.page.chart import chart_of, surroundings
 from obsplan.report.page.run import run_page
 from obsplan.simulation import simulate
 
@@ -185,6 +189,49 @@ def test_nothing_is_claimed_of_errors_without_the_truth(run, page, tmp_path):
         assert cells.count("not known") == len(run.names)
         titles = [one.text for one in page.find_elements("css selector", ".panel h3")]
         assert not any("error" in title or "NEES" in title for title in titles)
+    finally:
+        page.close()
+        page.switch_to.window(own)
+
+
+FRAME = """
+const { left, top } = player.maps[0].target.getBoundingClientRect(), box = player.maps[0].view.frame.bbox;
+return [left + box.left, top + box.top, box.width, box.height];
+"""
+PIXEL = """
+const { x, y } = player.view, box = player.maps[0].view.frame.bbox;
+return [(box.width * (arguments[0] - x.start)) / (x.end - x.start) - 2,
+  (box.height * (y.end - arguments[1])) / (y.end - y.start) - 2];
+"""
+
+
+def test_a_chart_is_drawn_under_the_tracks(run, page, tmp_path):
+    pytest.importorskip("rasterio")
+    values = np.full((3, 400, 400), 0, dtype="uint8")
+    values[0] = 255  # red everywhere
+    lon, lat = -122.3, 47.6
+    chart = geotiff(tmp_path / "red.tif", values, "EPSG:4326", grid(lon - 0.02, lat + 0.02, 1e-4))
+    path = tmp_path / "charted.html"
+    drawn = chart_of([chart], [surroundings(run)])
+    path.write_text(run_page(run, chart=drawn), encoding="utf-8")
+    own = page.current_window_handle
+    page.switch_to.new_window("tab")
+    try:
+        opened(page, path)
+        page.execute_async_script(SETTLED)
+        seen = np.asarray(Image.open(io.BytesIO(page.get_screenshot_as_png())).convert("RGB"))
+        left, top, width, height = page.execute_script(FRAME)
+        seen = seen[
+            round(top) + 2 : round(top + height) - 2, round(left) + 2 : round(left + width) - 2
+        ]
+        red, green, blue = np.moveaxis(seen.astype(int), -1, 0)
+        faint = (red > 250) & (abs(green - 128) < 4) & (abs(blue - 128) < 4)  # half of it, on white
+        assert faint.mean() > 0.8
+        x, y = (shown(page, "vehicles")[axis][-1] for axis in "xy")  # the aid vehicle
+        column, row = page.execute_script(PIXEL, x, y)
+        near = seen[round(row) - 8 : round(row) + 4, round(column) - 6 : round(column) + 6]
+        assert near.min(axis=(0, 1)).max() < 60  # its ink is over the red, undimmed
+        assert complaints(page) == []
     finally:
         page.close()
         page.switch_to.window(own)

@@ -104,6 +104,23 @@ def test_chart_without_a_place_on_earth_or_of_a_campaign_is_refused(tmp_path):
         written(tmp_path, [there])
 
 
+def test_runs_side_by_side_are_read_once_each_and_share_a_chart(folder, tmp_path, monkeypatch):
+    read = []
+    monkeypatch.setattr(
+        "obsplan.report.page.folder.read_run", lambda path: read.append(path) or read_run(path)
+    )
+    line = {"type": "LineString", "coordinates": [[-122.301, 47.6], [-122.299, 47.6]]}
+    charts = [coast(tmp_path / f"{name}.geojson", [line]) for name in ("coast", "depths")]
+    side_by_side([folder, folder], tmp_path / "page.html", charts)
+    assert read == [folder, folder]
+    data = data_of((tmp_path / "page.html").read_text(encoding="utf-8"))
+    assert len(data["chart"]) == 2
+    assert [note.split(",")[0] for note in data["notes"] if "The chart is" in note] == [
+        "The chart is coast.geojson",
+        "The chart is depths.geojson",
+    ]
+
+
 def test_a_mission_flown_again_takes_no_chart_and_no_file_for_its_page(folder, tmp_path):
     for beside in ({"charts": [tmp_path / "c.geojson"]}, {"out": tmp_path / "page.html"}):
         with pytest.raises(ObsplanError, match="leave --out and --chart out"):

@@ -4,6 +4,7 @@ Only the file itself is opened: by the driver of GeoTIFF alone, without the file
 """
 
 import logging
+import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -135,7 +136,7 @@ def geotiff(path: Path) -> Iterator[GeoTiff]:
         ) from error
     whole = path.resolve()
     if str(whole).startswith("/vsi"):
-        raise ObsplanError(f"{path} is in a folder whose name begins with /vsi: copy it elsewhere")
+        raise ObsplanError(f"{path} is in a folder whose name begins with /vsi: move it elsewhere")
     try:
         with _quiet(), rasterio.Env(**OPTIONS), rasterio.open(whole, driver="GTiff") as dataset:
             yield _opened(path, dataset)
@@ -149,16 +150,18 @@ def geotiff(path: Path) -> Iterator[GeoTiff]:
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Let GDAL's remarks pass: what matters is raised, and said in one sentence."""
-    logger = logging.getLogger("rasterio")
-    before, nobody = logger.propagate, logging.NullHandler()
+    logger, nobody = logging.getLogger("rasterio"), logging.NullHandler()
+    before = logger.propagate, sys.excepthook, sys.unraisablehook
     logger.addHandler(nobody)
     logger.propagate = False
+    # rasterio prints a traceback for a remark that is not UTF-8, by both of these
+    sys.excepthook = sys.unraisablehook = lambda *_: None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
     finally:
-        logger.propagate = before
+        logger.propagate, sys.excepthook, sys.unraisablehook = before
         logger.removeHandler(nobody)
 
 
@@ -168,14 +171,14 @@ def _opened(path: Path, dataset: Any) -> GeoTiff:
         control = " but by control points" if dataset.gcps[0] else ""
         raise ObsplanError(
             f"{path} does not say where on Earth it is{control}, and files beside it (.tfw, "
-            ".aux.xml) are not read: georeference it, with gdal_translate -a_srs or gdalwarp"
+            ".aux.xml) are not read: convert it, with gdal_translate -a_srs or gdalwarp"
         )
     for (rows, columns), kind in zip(dataset.block_shapes, dataset.dtypes, strict=True):
         size = rows * columns * np.dtype(kind).itemsize
         if size > MOST_BLOCK:
             raise ObsplanError(
                 f"{path} is stored in blocks of {size / 1e6:.0f} MB, each of which is read whole: "
-                "store it in tiles, with gdal_translate -co TILED=YES"
+                "convert it, with gdal_translate -co TILED=YES"
             )
     kind, bands, said = _kind(path, dataset)
     return GeoTiff(
@@ -209,7 +212,7 @@ def _kind(path: Path, dataset: Any) -> tuple[str, list[int], list[str]]:
     if means[0] == Means.palette:
         return PALETTE, [1], _left(shown, 1)
     whole = all(kind == "uint8" for kind in dataset.dtypes)
-    if (len(colours) == 3 and not whole) or Means.cyan in means or first.startswith("complex"):
+    if (len(colours) == 3 and not whole) or first.startswith("complex"):
         raise ObsplanError(
             f"{path} has bands of {first} ({', '.join(one.name for one in means[:4])}): export it "
             "as a picture of 8 bits in red, green and blue, or as one band of numbers"

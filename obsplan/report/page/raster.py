@@ -109,7 +109,10 @@ def picture_of(raster: Raster, frame: Frame, most: int) -> Picture:
         finest *= max(1.1, (len(content) / most) ** 0.5)
     at = dict(zip(("x", "y", "w", "h"), [*frame.low.tolist(), *span.tolist()], strict=True))
     url = f"data:image/png;base64,{content}"
-    notes = [f"It has a pixel every {short(finest)}{said}; {raster.fineness(pixel.mean)}.", *raster.said]
+    notes = [
+        f"It has a pixel every {short(finest)}{said}; {raster.fineness(pixel.mean)}.",
+        *raster.said,
+    ]
     if shades is None:
         return Picture({"url": url, **at}, notes)
     return Picture({"url": url, **at, "key": shades.key}, [*notes, *shades.said])
@@ -124,8 +127,8 @@ def _nodes(raster: Raster, frame: Frame) -> Float[np.ndarray, "nodes nodes 2"]:
     if not np.isfinite(nodes).all():
         raise ObsplanError(
             f"{raster.path} cannot be drawn in the plane about {frame.origin[0]:g}, "
-            f"{frame.origin[1]:g} degrees, where its projection has no place: cut it to the "
-            "mission's surroundings, or export it in another projection"
+            f"{frame.origin[1]:g} degrees, where its projection has no place: export it in "
+            "another projection"
         )
     if raster.period is not None:
         columns = nodes[..., 1]
@@ -158,7 +161,7 @@ def _pixel(
     )
     density = abs(float(np.linalg.det(per_metre)))
     if not 0 < density < np.inf:
-        raise ObsplanError(f"{path} has pixels without an extent: georeference it again")
+        raise ObsplanError(f"{path} has pixels without an extent: export it again")
     row, column = np.linalg.norm(np.linalg.inv(per_metre), axis=0)
     return _Pixel(float(row), float(column), density**-0.5)
 
