@@ -66,16 +66,14 @@ class GeoTiff:
             Too much would have to be read for it.
         """
         from rasterio.enums import Resampling
-        from rasterio.windows import Window as Part
 
         self._check_cost(window, rows, columns)
         finer = 2 if self.kind == PALETTE else 1  # colours are mixed once they are colours
         shape = [min(finer * n, most) for n, most in zip((rows, columns), window[2:], strict=True)]
         how = Resampling.nearest if self.kind == PALETTE else Resampling.average
-        part: dict[str, Any] = {
-            "window": Part(window.column, window.row, window.columns, window.rows),  # pyright: ignore
-            "resampling": how,
-        }
+        rows_of = (window.row, window.row + window.rows)
+        columns_of = (window.column, window.column + window.columns)
+        part: dict[str, Any] = {"window": (rows_of, columns_of), "resampling": how}
         given = self.dataset.read(self.bands, out_shape=(len(self.bands), *shape), **part)
         masks = self.dataset.read_masks(self.bands, out_shape=(len(self.bands), *shape), **part)
         known = masks.max(axis=0) / 255.0
