@@ -75,7 +75,8 @@ class Record:
     # of each aid vehicle, the paths that its planner had in mind; None where it decides turns that
     # are held until the next decision; empty where none were kept
     planned: tuple[Planned | None, ...] = ()
-    # by status, what was wrong with the planner's first answer of that kind, and when
+    # by status, what was wrong with the planner's first answer of that kind, and when; by `PATH`,
+    # what was wrong with a path that it predicted
     faults: Mapping[str, str] = field(default_factory=dict)
     bounded: bool = True  # whether the certified bound is asked for, where figures are
 

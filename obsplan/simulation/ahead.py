@@ -116,7 +116,10 @@ def legs_of(decision: Decision) -> Legs | None:
 
 
 def parts_of(legs: Legs) -> Integer[np.ndarray, " legs"]:
-    """How many places each leg needs."""
+    """How many places each leg needs, for the line through them to be near it.
+
+    An arc of length L that turns by an angle θ bulges from its chord by L θ/8.
+    """
     turned = abs(legs.turned)
     bulge = legs.speed * legs.lasting * turned / 8
     needed = np.maximum(turned / FINEST, np.sqrt(bulge / SAGITTA))
