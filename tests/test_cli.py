@@ -26,7 +26,7 @@ ranging = { interval = 1.0 }
 """
 FILES = {
     "scenario.toml", "tracks.nc", "tracks.csv", "ranges.csv", "map.png", "errors.png", "nis.png",
-    "smoothed.csv", "summary.json", "timing.json", "report.html",
+    "smoothed.csv", "planned.csv", "summary.json", "timing.json", "report.html",
     *(f"path.{name}" for name in ("bhv", "csv", "geojson", "gpx", "kml", "plan", "waypoints")),
 }  # fmt: skip
 

@@ -135,9 +135,8 @@ def goes_on(before: Legs, legs: Legs, since: float) -> bool:
     if times.size == 0 or not (reaches or end - since > AHEAD / 2):
         return False
     nearest = np.abs(before.begin[:, None] - times).argmin(axis=0)
-    late = before.begin[nearest] - times
     away = before.pose[nearest] - legs.pose[1 : times.size + 1]
-    return bool((abs(late) < SAME).all() and (abs(away[:, :2]) < SAME).all())
+    return bool((abs(away[:, :2]) < SAME).all())
 
 
 def _held(poses: Float[np.ndarray, "n 3"], lasting: Float[np.ndarray, " m"], speed: float) -> Legs:
