@@ -5,11 +5,12 @@ from collections.abc import Sequence
 from obsplan.campaign import layout
 from obsplan.campaign import table as campaign
 from obsplan.missions.writers import table as path
-from obsplan.report import files, measurements, ranged
+from obsplan.report import files, measurements, planned, ranged
 
 TABLES: dict[str, Sequence[str]] = {
     "tracks": files.TRACK_COLUMNS,
     "aids": files.AID_COLUMNS,
+    "planned": planned.PLANNED_COLUMNS,
     "ranges": ranged.RANGE_COLUMNS,
     "smoothed": ranged.SMOOTHED_COLUMNS,
     "measurements": measurements.COLUMNS,
@@ -43,6 +44,7 @@ AUV = {
     "y_m": "north of the origin [m]",
 }
 MEASURED = {
+    "decided_s": "when the planner decided, seconds since the mission began",
     "time_s": "seconds since the mission began",
     "sent_s": "when the signal was sent, seconds since the mission began",
     "received_s": "when it was received, seconds since the mission began",

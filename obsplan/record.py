@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 from obsplan.announced import announcements
 from obsplan.constraints import LimitHistory
 from obsplan.heard import Heard
+from obsplan.planned import Planned
 from obsplan.ranged import Ranged
 from obsplan.scenario import Scenario
 from obsplan.scenario.beacons import aid_names
@@ -71,7 +72,11 @@ class Record:
     status: Float[np.ndarray, " samples"]  # code of a Status; nan without a decision
     timing: Timing = field(repr=False)
     others: tuple[AidTrack, ...] = ()  # aid vehicles besides the first, which ``cna`` is of
-    # by status, what was wrong with the planner's first answer of that kind, and when
+    # of each aid vehicle, the paths that its planner had in mind; None where it decides turns that
+    # are held until the next decision; empty where none were kept
+    planned: tuple[Planned | None, ...] = ()
+    # by status, what was wrong with the planner's first answer of that kind, and when; by `PATH`,
+    # what was wrong with a path that it predicted
     faults: Mapping[str, str] = field(default_factory=dict)
     bounded: bool = True  # whether the certified bound is asked for, where figures are
 

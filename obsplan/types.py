@@ -153,8 +153,10 @@ class Decision:
 
     ``predict`` makes the predicted poses, which are `path`; default: none. ``score`` is the
     planner's own objective in its own unit; ``condition`` the predicted condition number per AUV,
-    nan where the planner has none. ``route`` gives planned positions over ground [m] as a function
-    of time from now [s], for other aid vehicles; without one the turn is taken to be held.
+    nan where the planner has none. ``lasting`` says how long each leg of the path lasts, a turn
+    held; without it legs are taken to be straight, at ``speed``. ``route`` gives planned positions
+    over ground [m] as a function of time from now [s], for other aid vehicles; without one the turn
+    is taken to be held.
     """
 
     turn_rate: float  # [rad/s], positive to the left
@@ -163,6 +165,9 @@ class Decision:
     score: float = float("nan")
     status: Status = Status.OPTIMAL
     condition: Float[np.ndarray, " auvs"] = field(default_factory=lambda: np.empty(0))
+    lasting: Float[np.ndarray, " legs"] = field(
+        default_factory=lambda: np.empty(0), repr=False, compare=False
+    )  # [s]
     route: Callable[[np.ndarray], np.ndarray] | None = field(
         default=None, repr=False, compare=False
     )

@@ -106,6 +106,31 @@ def test_scrubbing_to_a_range_shows_that_range_and_a_lost_one_its_reason(page, r
     assert shown(page, "pings")["who"] == []
 
 
+def test_path_that_the_planner_has_in_mind_is_drawn_from_the_vehicle_on(tmp_path):
+    run = simulate(scenario(planner={"kind": "information", "interval": 4.0}), seed=2)
+    (planned,) = run.planned
+    places = slice(planned.ends[0], planned.ends[1])  # of the second path
+    t = planned.decided[1] + 3.0
+    left = planned.time[places] > t
+    assert t < planned.decided[2]
+    assert 0 < left.sum() < left.size
+    (tmp_path / "report.html").write_text(run_page(run), encoding="utf-8")
+    browser = chromium()
+    try:
+        opened(browser, tmp_path / "report.html")
+        seek(browser, t)
+        drawn = shown(browser, "ahead")
+        key = browser.find_element("id", "key").text
+    finally:
+        browser.quit()
+    here = run.cna[np.searchsorted(run.time, t), :2]
+    expected = np.vstack([here, planned.place[places][left]])
+    found = np.array([drawn["x"][:-1], drawn["y"][:-1]], dtype=float).T  # the last is a gap
+    np.testing.assert_allclose(found, expected, atol=1e-4)
+    assert "path planned" in key
+    assert "present command" not in key
+
+
 TRUE_TO_SCALE = """
 const seen = player.maps[0].view.frame.bbox, { x, y } = player.view;
 const east = (x.end - x.start) / seen.width, north = (y.end - y.start) / seen.height;

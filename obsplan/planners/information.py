@@ -150,6 +150,7 @@ class InformationHorizon:
             score=best.objective,
             status=best.status,
             condition=np.full(len(auvs), np.nan),
+            lasting=stages.duration,
             route=Turns(pose, turns, cna.speed, lasting, self.situation.current),
         )
 

@@ -175,9 +175,9 @@ class Trajectory:
         self._memory["plan"] = _Plan(
             time, time + np.cumsum(durations), found.x[:, 0], found.x[:, 1], side
         )
-        return self._decision(found)
+        return self._decision(found, durations)
 
-    def _decision(self, found: Solution) -> Decision:
+    def _decision(self, found: Solution, durations: np.ndarray) -> Decision:
         turn_rate, speed = found.x[0].tolist()
         limit = speed / self.situation.cna.min_turn_radius
         return Decision(
@@ -187,6 +187,7 @@ class Trajectory:
             score=found.objective,
             status=found.status,
             condition=found.condition,
+            lasting=durations,
         )
 
     def _durations(self, time: float) -> np.ndarray:

@@ -130,6 +130,7 @@ def _plain(given: Decision) -> Decision:
         score=score,
         status=given.status,
         condition=given.condition,
+        lasting=given.lasting,
         route=given.route,
     )
 

@@ -45,18 +45,17 @@ class OpenLoopPlan:
 
     def poses(self, pose: Pose, begin: float, end: float) -> Float[np.ndarray, "some 3"]:
         """Poses (east, north, heading) at the ends of the turns between two times, from a pose."""
-        ends = np.arange(1, self.turn_rates.size) * self.duration
-        edges = self.begin - self.elapsed + ends
-        times = np.concatenate(
-            [
-                [begin],
-                edges[(edges > begin + ROUNDING) & (edges < end - ROUNDING)],
-                [max(begin, end)],
-            ]
-        )
+        times = self.edges(begin, end)
         turns = np.array([self.turn_rate(float(time)) for time in times[:-1]])
         start = np.array([pose.x, pose.y, pose.heading])
         return path(start, turns, self.cna.speed, np.diff(times))
+
+    def edges(self, begin: float, end: float) -> Float[np.ndarray, " some"]:
+        """When turns end [s] between two times, and these."""
+        ends = np.arange(1, self.turn_rates.size) * self.duration
+        edges = self.begin - self.elapsed + ends
+        within = edges[(edges > begin + ROUNDING) & (edges < end - ROUNDING)]
+        return np.concatenate([[begin], within, [max(begin, end)]])
 
     def turn_rate(self, time: float) -> float:
         """Turn rate [rad/s] from a time on; after the mission the last one."""
@@ -74,4 +73,5 @@ class OpenLoopPlan:
             score=self.plan.objective,
             status=self.plan.status,
             condition=np.full(n_auvs, np.nan),
+            lasting=np.diff(self.edges(time, end)),
         )

@@ -146,6 +146,7 @@ def write_run(
 def tables(run: Run) -> dict[str, Iterator[str]]:
     """The tables of a run by their file names, in pieces."""
     from obsplan.report.measurements import has_more_measured, measurements_csv
+    from obsplan.report.planned import planned_csv
     from obsplan.report.ranged import ranges_csv, smoothed_csv
 
     found = {"tracks.csv": tracks_csv(run)}
@@ -153,6 +154,8 @@ def tables(run: Run) -> dict[str, Iterator[str]]:
         found["aids.csv"] = aids_csv(run)
     if not run.is_replay and has_more_measured(run.scenario):
         found["measurements.csv"] = measurements_csv(run)
+    if any(run.planned):
+        found["planned.csv"] = planned_csv(run)
     if run.ranged is not None:
         found["ranges.csv"] = ranges_csv(run, run.ranged)
     if run.smoothed is not None:

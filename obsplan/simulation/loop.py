@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from formulations.model.casadi import machine_code
+from obsplan.planned import AS_FLOWN, Planned
 from obsplan.planning.answers import BLAMES, Answer, ask, blamed, fitted_commands
 from obsplan.planning.companion import Companion
 from obsplan.planning.expressions import decision_function, interpreted
@@ -34,6 +35,7 @@ from obsplan.run import Run, Timing
 from obsplan.scenario import Scenario, load
 from obsplan.signals import hear_stops
 from obsplan.simulation.advance import Advance, Memory, recorded_covariance
+from obsplan.simulation.ahead import Ahead, keep_all, planned_of
 from obsplan.simulation.bank import Bank
 from obsplan.simulation.beliefs import beliefs, poses_of
 from obsplan.simulation.inputs import mission_inputs
@@ -87,7 +89,7 @@ def simulate(
     asked = scenario.team() if named else planner
     team = team_of(asked, scenario.situations, joint=scenario.joint)
     run = ClosedLoop(scenario=scenario, planner=team).fly(
-        scenario.table.seed if seed is None else seed, progress=progress
+        scenario.table.seed if seed is None else seed, progress=progress, paths=True
     )
     for status, fault in run.faults.items():
         LOG.warning("%s: %s, %s", run.planner, status, fault)
@@ -100,6 +102,7 @@ class Walk:
 
     seconds: list[float] = field(default_factory=list)  # that each decision took [s]
     faults: dict[str, str] = field(default_factory=dict)  # by status: when first, and what
+    planned: tuple[Planned | None, ...] = ()  # the paths that planners had in mind
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,12 +209,14 @@ class ClosedLoop:
         start: Pose | Sequence[Pose] | None = None,
         progress: Progress | None = None,
         covariances: bool = True,
+        paths: bool = False,
     ) -> Run:
         """Fly the mission under the noise of a seed, from other places if given.
 
         A ``start`` is the first aid vehicle's; several are those of all.
 
-        Without ``covariances`` those of the run, more than half of what it holds, are nan.
+        Without ``covariances`` those of the run, more than half of what it holds, are nan. With
+        ``paths`` those that planners had in mind are kept.
         """
         hear_stops()
         began, progress = perf_counter(), progress or (lambda _done, _steps: None)
@@ -232,17 +237,19 @@ class ClosedLoop:
                 codes.append(code)
             self._fold(memory, bank, progress)
             memory.log.status[:, :, 0] = np.stack(codes, axis=-1)
+            walk = Walk(planned=(AS_FLOWN,) * len(fixed))
         elif all(folded(self.scenario, planner) is not None for planner in self.planners):
             self._fold(memory, bank, progress)
         else:
-            walk = self._walk(self._of_mission(team, seed), memory, bank, progress)
+            walk = self._walk(self._of_mission(team, seed), memory, bank, progress, paths=paths)
         timing = Timing(seconds=perf_counter() - began, decision_seconds=walk.seconds)
         # what a run does not hold makes room: of a long mission it is large
         carry, log = memory.carry, memory.log
         del memory
         carry = carry._replace(covariance=recorded_covariance(carry))
         run = record(self.scenario, self.planners, seed, carry, log, timing, walk.faults)
-        return replace(run, hypotheses=bank.fitting)
+        planned = walk.planned or (None,) * len(starts)
+        return replace(run, hypotheses=bank.fitting, planned=planned if paths else ())
 
     def _commands(self, planner: Planner, steps: int) -> Float[np.ndarray, "steps 2"] | None:
         """What a planner has fixed beforehand, if it has."""
@@ -285,12 +292,15 @@ class ClosedLoop:
         """By room for hypotheses, number of steps, and what is held."""
         return {}
 
-    def _walk(self, team: Team, memory: Memory, bank: Bank, progress: Progress) -> "Walk":
+    def _walk(
+        self, team: Team, memory: Memory, bank: Bank, progress: Progress, *, paths: bool
+    ) -> Walk:
         """Advance from decision to decision, calling the planners."""
         carry, inputs, log = memory.carry, memory.inputs, memory.log
         steps, every = len(inputs.time), self.scenario.decide_every
-        walk, free = Walk(), [self._is_free(planner) for planner in team.members]
+        free = [self._is_free(planner) for planner in team.members]
         situations, before = self.scenario.situations, []
+        walk, ahead = Walk(), [Ahead(-(-steps // every)) for _ in situations if paths]
         for k in range(0, steps, every):
             n = min(every, steps - k)
             began = perf_counter()
@@ -307,6 +317,7 @@ class ClosedLoop:
                     said = f"first after {time:g} s: {fault}"
                     walk.faults.setdefault(decision.status.label, said)
                 inputs.given[k : k + n, c] = decision.turn_rate, decision.speed
+            keep_all(ahead, time, answers, walk.faults)
             self._advance(memory, bank, k, n)
             for c, (decision, _) in enumerate(answers):
                 log.score[k, c], log.status[k, c] = decision.score, decision.status
@@ -314,7 +325,7 @@ class ClosedLoop:
             log.condition[k, :, 0] = condition if condition.size else np.nan
             if k // CHUNK != (k + n) // CHUNK or k + n == steps:
                 progress(k + n, steps)
-        return walk
+        return replace(walk, planned=planned_of(ahead, [told.current for told in situations]))
 
     def _ask(
         self,

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from obsplan.fates import WORDS, Fate
+from obsplan.planned import AS_FLOWN, Planned
 from obsplan.ranged import Ranged
 from obsplan.run import AidTrack, Run, Timing
 from obsplan.scenario import Scenario, load
@@ -19,6 +20,7 @@ from obsplan.scenario.states import BASIC
 from obsplan.types import ObsplanError
 
 SCENARIO, TRACKS, RANGES = "scenario.toml", "tracks.nc", "ranges.csv"
+PLANNED = "planned.csv"
 POSE, STATES = ("x", "y", "heading"), ("x", "y", "heading", "speed")
 
 Values = dict[str, np.ndarray]  # of each variable, by AUV and sample
@@ -113,6 +115,7 @@ def _with_findings(
         bounded=False,
         began=_began(about["time_units"]),
         log=_ranged(folder / RANGES, scenario),
+        planned=_planned(folder / PLANNED, run.aid_names),
         hypotheses=values.get("hypotheses"),
         smoothed=_smoothed(values),
     )
@@ -193,6 +196,27 @@ def _ranged(path: Path, scenario: Scenario) -> Ranged | None:
         variance=_numbers(rows, "sigma") ** 2,
         fate=np.array([codes.get(word, Fate.ACCEPTED) for word in _all(rows, "fate")], dtype=int),
     )
+
+
+def _planned(path: Path, aids: Sequence[str]) -> tuple[Planned | None, ...]:
+    """The paths that planners had in mind; none of a run that did not record any."""
+    if not path.is_file():
+        return ()
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = [*csv.DictReader(file)]
+    return tuple(_paths([row for row in rows if row["cna"] == name]) for name in aids)
+
+
+def _paths(rows: Sequence[dict[str, str]]) -> Planned | None:
+    if not rows:
+        return None
+    if not rows[0]["time_s"]:
+        return AS_FLOWN
+    decided = _numbers(rows, "decided_s")
+    first = np.flatnonzero(np.diff(decided, prepend=np.nan) != 0)
+    place = np.column_stack([_numbers(rows, "x_m"), _numbers(rows, "y_m")])
+    ends = np.append(first[1:], len(rows))
+    return Planned(decided[first], ends, _numbers(rows, "time_s"), place)
 
 
 def _all(rows: Sequence[dict[str, str]], column: str) -> list[str]:

@@ -8,7 +8,8 @@
   const [unit, length] = data.unit; // symbol, and its seconds
   const SPEEDS = [1, 2, 5, 10, 20, 50, 100];
   const TRAIL = 300; // seconds of a track that are drawn strong
-  const AHEAD = 30; // seconds for which the aid vehicle's present command is drawn on
+  const AHEAD = 300; // seconds of a planned path that are drawn
+  const HELD = 30; // seconds for which an aid vehicle's present command is drawn on, where no path is known
   const CHART = 0.5; // opacity of a chart's picture
   const state = { t: 0, playing: false, speed: 1, auv: 0 };
   const maps = [];
@@ -214,24 +215,47 @@
     update_pings(map, auvs);
   }
 
-  // The course on which the present command keeps each aid vehicle, were it held.
+  // Where each aid vehicle is to go from here, as planned by now, with gaps between them.
   function ahead(scene, k) {
     const x = [], y = [];
     for (const aid of scene.aids) {
-      const turn = aid.turn[k], speed = aid.speed[k];
-      if (!Number.isFinite(turn) || !(speed > 0)) continue;
-      let [east, north, heading] = [aid.x[k], aid.y[k], aid.heading[k]];
-      for (let s = 0; s <= AHEAD; s += 1) {
-        x.push(east);
-        y.push(north);
-        east += speed * Math.cos(heading + turn / 2);
-        north += speed * Math.sin(heading + turn / 2);
-        heading += turn;
-      }
-      x.push(NaN);
-      y.push(NaN);
+      const [east, north] = planned(scene, aid, k) || held(aid, k);
+      x.push(aid.x[k], ...east, NaN);
+      y.push(aid.y[k], ...north, NaN);
     }
     return { x, y };
+  }
+
+  // The rest of the path that the planner had in mind; null where none is known.
+  function planned(scene, aid, k) {
+    const plan = aid.planned;
+    if (!plan) return null;
+    if (plan.flown) {
+      const last = newest(scene.time, state.t + AHEAD) + 1;
+      return [aid.x.subarray(k + 1, last), aid.y.subarray(k + 1, last)];
+    }
+    const j = newest(plan.decided, state.t);
+    const begin = j ? plan.ends[j - 1] : 0, end_ = plan.ends[j];
+    const times = plan.t.subarray(begin, end_);
+    if (state.t < plan.decided[j] - 1e-4 || times[times.length - 1] <= scene.time[k]) return null;
+    const first = begin + newest(times, scene.time[k]) + (times[0] <= scene.time[k] + 1e-4 ? 1 : 0);
+    const last = begin + newest(times, scene.time[k] + AHEAD) + 1;
+    return [plan.x.subarray(first, last), plan.y.subarray(first, last)];
+  }
+
+  // The course on which the present command keeps an aid vehicle, were it held.
+  function held(aid, k) {
+    const x = [], y = [], turn = aid.turn[k], speed = aid.speed[k];
+    if (!Number.isFinite(turn) || !(speed > 0)) return [x, y];
+    let [east, north, heading] = [aid.x[k], aid.y[k], aid.heading[k]];
+    for (let s = 0; s < HELD; s += 1) {
+      east += speed * Math.cos(heading + turn / 2);
+      north += speed * Math.sin(heading + turn / 2);
+      heading += turn;
+      x.push(east);
+      y.push(north);
+    }
+    return [x, y];
   }
 
   // The newest range of each pair, as long as it is shown, and of each AUV the newest of all.
@@ -603,7 +627,9 @@
     if (scene.aids.length) add_key(key, "aid vehicle", "vehicle", "ink");
     add_key(key, "estimate and its 95 % ellipse", "ellipse", "faint");
     if (scene.plans.length) add_key(key, "survey plan", "line", "faint", true);
-    if (scene.aids.length) add_key(key, `course for ${AHEAD} s on its present command`, "level", "ink");
+    const aids = scenes.flatMap((one) => one.aids);
+    if (aids.some((aid) => aid.planned)) add_key(key, `path planned, up to ${AHEAD / 60} min ahead`, "level", "ink");
+    else if (aids.length) add_key(key, `course for ${HELD} s on its present command`, "level", "ink");
     if (scene.rings.length) add_key(key, scene.rings.map((ring) => `${ring.name} ${ring.radius} m`).join(", "), "level", "limit");
     if (scene.areas.length) add_key(key, "keep-outs, geofence", "line", "limit");
     for (const picture of data.pictures || []) if (picture.key) add_shades(key, picture.key);

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from obsplan.planned import PATH
 from obsplan.report.map import degrees, heading
 from obsplan.report.page.chart import NO_CHART, Chart
 from obsplan.report.page.charts import panels_of
@@ -11,10 +12,11 @@ from obsplan.report.page.scene import scene_of
 from obsplan.report.words import time_unit
 from obsplan.run import Run
 
-NO_PLAN = (
-    "A run records what its planner decided, not the path that it had in mind: dotted before the "
-    "aid vehicle is the course on which its present command keeps it."
+HELD = (
+    "Dotted before the aid vehicle is the course for half a minute on its present command: "
+    "{planner} decides a turn and holds it until it decides again{or_older}."
 )
+OLDER = ", or this run is older than planned.csv"
 
 
 def run_page(run: Run, notes: Sequence[str] = (), chart: Chart = NO_CHART) -> str:
@@ -58,7 +60,7 @@ def scene_notes(run: Run, scene: dict[str, Any]) -> list[str]:
     """What is left out of a page, and how its axes begin."""
     notes = []
     if run.has_aid and not run.is_replay:
-        notes.append(NO_PLAN)
+        notes += path_notes(run, scene)
     if scene["thinned"]:
         notes.append(
             f"Of a mission this long one sample in {scene['thinned']} is played; lines in panels "
@@ -70,4 +72,19 @@ def scene_notes(run: Run, scene: dict[str, Any]) -> list[str]:
         "Axes of errors begin with what follows the first quarter of the mission; the first "
         "estimate may be beyond them. All values are in tracks.nc."
     )
+    return notes
+
+
+def path_notes(run: Run, scene: dict[str, Any]) -> list[str]:
+    """Where what is drawn ahead of aid vehicles is not the whole of what was planned."""
+    planned = [aid["planned"] for aid in scene["aids"] if "planned" in aid]
+    thinned = max((one["thinned"] for one in planned), default=0)
+    notes = []
+    if PATH in run.faults:
+        notes.append(f"Not every path that {run.planner} predicted is drawn: {run.faults[PATH]}.")
+    if not planned:
+        older = "" if run.planned else OLDER
+        notes.append(HELD.format(planner=run.planner, or_older=older))
+    if thinned:
+        notes.append(f"One planned path in {thinned} is drawn; planned.csv has all.")
     return notes

@@ -18,6 +18,7 @@ from obsplan.simulation.arrivals import Arrivals
 MOST_FRAMES = 20_000  # of a run
 MOST_STATES = 100_000  # of all AUVs of all runs of a page: 6 MB
 MOST_PINGS = 20_000  # of a run
+MOST_PLACES = 120_000  # of planned paths of all aid vehicles of all runs of a page: 2 MB
 LOST = "lost on its way"
 NO_STATUS = 255
 SHOWN = 0.5  # of the interval between ranges: for so long one is on the map
@@ -28,6 +29,7 @@ def scene_of(run: Run, label: str, *, runs: int = 1) -> dict[str, Any]:
     low, high = extent(run)
     side = float((high - low).max())
     most = min(MOST_FRAMES, MOST_STATES // (len(run.names) * runs))
+    places = MOST_PLACES // (len(aid_tracks(run)) * runs) if run.planned else 0
     frames = chosen_frames(run.time.size, max(most, 2))
     played = {
         "label": label,
@@ -38,7 +40,9 @@ def scene_of(run: Run, label: str, *, runs: int = 1) -> dict[str, Any]:
     }
     return played | {
         "auvs": [_auv(run, i, frames, side) for i in range(len(run.names))],
-        "aids": [_aid(run, k, frames, side) for k in range(len(aid_tracks(run)))],
+        "aids": [
+            _aid(run, k, frames, side) | _ahead(run, k, places) for k in range(len(aid_tracks(run)))
+        ],
         "plans": [track(plan, side) for plan in plans(run)],
         "areas": _areas(run),
         "moored": moored_places(run).tolist(),
@@ -101,6 +105,28 @@ def _aid(run: Run, k: int, frames: Integer[np.ndarray, " n"], side: float) -> di
         "speed": packed(aid.speed[frames]),
         **_decisions(aid, frames),
     }
+
+
+def _ahead(run: Run, k: int, most: int) -> dict[str, Any]:
+    """The paths that an aid vehicle's planner had in mind, at most of so many places."""
+    planned = run.planned[k] if run.planned else None
+    if planned is None:
+        return {}
+    if planned.is_flown:
+        return {"planned": {"flown": True, "thinned": 0}}
+    every = -(-planned.time.size // most)
+    shown = np.arange(0, planned.decided.size, every)
+    lengths = np.diff(planned.ends, prepend=0)[shown]
+    kept = np.isin(planned.path, shown)
+    columns = {
+        "decided": planned.decided[shown],
+        "ends": lengths.cumsum(),
+        "t": planned.time[kept],
+        "x": planned.place[kept, 0],
+        "y": planned.place[kept, 1],
+    }
+    found: dict[str, Any] = {name: packed(column) for name, column in columns.items()}
+    return {"planned": found | {"thinned": every if every > 1 else 0}}
 
 
 def _decisions(aid: AidTrack, frames: Integer[np.ndarray, " n"]) -> dict[str, Any]:

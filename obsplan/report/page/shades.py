@@ -37,7 +37,7 @@ def shades_of(found: "Pixels", name: str, unit: str) -> Shades:
         low, high = float(given.min()), float(given.max())
     index = np.full(values.shape, NOTHING, dtype="u1")
     palette = np.zeros((256, 3), dtype="u1")
-    crosses = low < 0 < high
+    crosses = bool(low < 0 < high)
     below = NOTHING - ABOVE if crosses else NOTHING  # so many colours has the map
     palette[:below] = _colours("viridis", np.linspace(0.0, 1.0, below))
     palette[below:NOTHING] = _colours("gray", np.linspace(*GREYS, NOTHING - below))
@@ -61,7 +61,8 @@ def _swatches(below: int, crosses: bool) -> list[int]:
     """Indices of the colours that the key shows."""
     grey = SWATCHES // 3 if crosses else 0
     shown = np.linspace(0, below - 1, SWATCHES - grey)
-    return [*shown.astype(int).tolist(), *np.linspace(below, NOTHING - 1, grey).astype(int)]
+    greys = np.linspace(below, NOTHING - 1, grey)
+    return [*shown.astype(int).tolist(), *greys.astype(int).tolist()]
 
 
 def _said(given: np.ndarray, reach: str, unit: str, crosses: bool) -> list[str]:
