@@ -13,6 +13,7 @@ from formulations.model.ranging import Ranging
 from obsplan.constraints import Constraints, Disc
 from obsplan.planners import PLANNERS, planner_class
 from obsplan.planning.interface import CAPABILITIES, check_planner
+from obsplan.simulation.loop import ClosedLoop
 
 CNA = op.Unicycle(speed=2.0, min_turn_radius=5.0)
 
@@ -112,8 +113,12 @@ def test_predicted_path_is_made_only_when_asked_for():
         def plan(self, pose, auvs, *, time=0.0):
             return op.Decision(turn_rate=0.0, speed=2.0, predict=predict)
 
-    op.simulate(scenario(), planner=Predicting())
+    flight = ClosedLoop(scenario=scenario(), planner=Predicting())
+    flight.fly(1)  # as campaigns do
     assert not asked
+    decisions = np.isfinite(flight.fly(1, paths=True).status).sum()  # as `simulate` does
+    assert asked == ["path"] * decisions
+    asked.clear()
     decision = Predicting().plan(op.Pose(0.0, 0.0, 0.0), [])
     assert decision.path.shape == (1, 3)
     assert asked == ["path"]
