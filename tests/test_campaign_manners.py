@@ -185,6 +185,29 @@ def test_ctrl_c_while_workers_start_shows_nothing_of_them(tmp_path, after):
     )
 
 
+WITH_ANOTHER_THREAD = """
+import os, signal, threading, time
+from obsplan.campaign.processes import deaf
+
+threading.Thread(target=time.sleep, args=(9.0,), daemon=True).start()  # which hears what this one does not
+try:
+    with deaf():
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.5)
+        print("started")
+    time.sleep(0.5)
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+@pytest.mark.slow
+def test_ctrl_c_that_another_thread_hears_waits_until_a_worker_is_started():
+    line = [sys.executable, "-c", WITH_ANOTHER_THREAD]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.split() == ["started", "interrupted"]
+
+
 @pytest.fixture
 def flown(tmp_path):
     """A folder with a campaign's store and table, as `fly_campaign` leaves it, and the cells."""

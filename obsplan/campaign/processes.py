@@ -15,7 +15,7 @@ from multiprocessing import current_process, get_context, parent_process, resour
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from queue import SimpleQueue
-from threading import Lock, Thread
+from threading import Lock, Thread, current_thread, main_thread
 from typing import cast
 
 from obsplan.campaign.worker import Batch, Flown, fly_batch
@@ -180,9 +180,33 @@ def deaf() -> Iterator[None]:
     resource_tracker.ensure_running()  # which would let Ctrl-C through again if it began only now
     before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
     try:
-        yield
+        with put_off():
+            yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def put_off() -> Iterator[None]:
+    """Handle signals that ask to end only afterwards.
+
+    One thread's mask does not suffice: the system gives a signal to any other thread, and Python
+    handles it in the main one all the same.
+    """
+    if current_thread() is not main_thread():  # which never handles any
+        yield
+        return
+    came: list[int] = []
+    handlers = {number: signal.getsignal(number) for number in STOPS}
+    for number in STOPS:
+        signal.signal(number, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+        for number in came:
+            signal.raise_signal(number)
 
 
 def serve(pipe: Connection) -> None:
